@@ -1,0 +1,62 @@
+"""freqrail: random vibration of rail vehicles in the frequency domain, with a time-domain check.
+
+>>> import freqrail
+>>> result = freqrail.sweep("yu-damper-joint", over={"speed": "200, 250 km/h"})
+>>> result.bogie_acceleration_rms.sel(speed=250, primary_joint_stiffness=5, bogie="front").dims
+('secondary_joint_stiffness',)
+
+The flow of a study is the order of the modules: case -> vehicle, track -> response -> rms -> grid ->
+dataset -> storage -> figures; `cli` puts commands on top.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# Public names and the modules that hold them; loaded on first use, so that `freqrail --help` and
+# `import freqrail` cost nothing.
+_PUBLIC = {
+    "load_case": "case",
+    "shipped_cases": "case",
+    "sweep": "dataset",
+    "open_result": "storage",
+    "write_result": "storage",
+    "modes": "modal",
+    "plot": "figures",
+    "FreqrailError": "errors",
+    "FreqrailWarning": "errors",
+}
+
+__all__ = [
+    "FreqrailError",
+    "FreqrailWarning",
+    "__version__",
+    "load_case",
+    "modes",
+    "open_result",
+    "plot",
+    "shipped_cases",
+    "sweep",
+    "write_result",
+]
+
+if TYPE_CHECKING:
+    from freqrail.case import load_case, shipped_cases
+    from freqrail.dataset import sweep
+    from freqrail.errors import FreqrailError, FreqrailWarning
+    from freqrail.figures import plot
+    from freqrail.modal import modes
+    from freqrail.storage import open_result, write_result
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        return getattr(importlib.import_module(f"freqrail.{_PUBLIC[name]}"), name)
+    raise AttributeError(f"module 'freqrail' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_PUBLIC])

@@ -1,0 +1,305 @@
+"""RMS values over a whole grid of vehicles and speeds: what to evaluate where, in blocks.
+
+The grid's vehicles share one set of quadrature nodes where that is cheap, because then the speed axis of
+every block is one matrix product. Where resonances are too narrow for that (the wheelsets ringing
+on a rigid rail), and where the shared nodes miss the tolerance, each vehicle gets nodes of its own.
+Both depend on the grid alone, never on how it is cut into blocks or on the number of workers.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail import rms
+from freqrail.response import SERIES, response_psd, wheel_lags
+from freqrail.track import Band, RationalSpectrum, band_limits
+from freqrail.vehicle import CHAINS, Vehicle, chain_system, ladder, poles, state_space
+
+STATUS = ("ok", "unresolved_peak", "undamped", "failed")
+"""Meaning of the status values 0, 1, ...; all but the first come with NaN."""
+
+METHOD = ("none", "shared_quadrature", "own_quadrature")
+"""Meaning of the method values: no result, nodes shared by the grid, nodes of the vehicle's own."""
+
+TOLERANCE = 1e-6
+"""Largest error estimate of an RMS value, relative, that is passed on as a result."""
+
+REFINE_ABOVE = 1e-8  # a shared-node result whose estimate exceeds this is computed anew with nodes of its own
+SHARED_NODES = 6000  # more nodes than this are not worth sharing
+SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
+SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
+BLOCK = 250_000  # vehicles x nodes held at once: a few MB an array, so that a block stays in the cache
+WHOLE_AXIS_REACH = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
+
+
+@dataclass(frozen=True)
+class Study:
+    """A grid of vehicles, speeds and the track below them, numbers only.
+
+    vehicle: fields are floats or arrays that broadcast to the grid of vehicles. speed: [m] in m/s.
+    band None: the whole axis. names: keys of `response.SERIES`.
+    """
+
+    vehicle: Vehicle
+    speed: NDArray[np.float64]
+    spectrum: RationalSpectrum
+    band: Band | None
+    names: tuple[str, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape [grid..., speeds]."""
+        return (*self.vehicle.shape, self.speed.size)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """RMS values and their relative error estimates {name: [positions, grid..., speeds]} in SI units.
+
+    status and method: [grid..., speeds], int8, see `STATUS` and `METHOD`; NaN wherever status is not 0.
+    """
+
+    rms: dict[str, NDArray[np.float64]]
+    relative_error: dict[str, NDArray[np.float64]]
+    status: NDArray[np.int8]
+    method: NDArray[np.int8]
+
+
+def solve(study: Study, jobs: int = 1, progress: Callable[[int], object] = lambda points: None) -> Solution:
+    """RMS of every named response at every grid point, with an error estimate and a status each.
+
+    jobs: threads that work on blocks; the result does not depend on it. progress: called with the
+    number of grid points just finished. Never raises for a numerical failure: such points are NaN.
+    """
+    shape = study.shape
+    positions = {name: len(SERIES[name].positions) for name in study.names}
+    solution = Solution(
+        rms={name: np.full((count, *shape), np.nan) for name, count in positions.items()},
+        relative_error={name: np.full((count, *shape), np.nan) for name, count in positions.items()},
+        status=np.full(shape, STATUS.index("unresolved_peak"), np.int8),
+        method=np.zeros(shape, np.int8),
+    )
+    edges = _shared_edges(study)
+    own: list[tuple[int, ...]] = []
+    if edges is None:
+        own = list(np.ndindex(study.vehicle.shape))
+    else:
+        rule = rms.quadrature(edges)
+        for geometry, cells in _blocks(study.vehicle, rule.omega.size):
+            weights = rms.lag_weights(study.vehicle.at(geometry), study.spectrum, rule, study.speed, _limits(study))
+
+            def shared(cell: tuple[slice, ...], weights: rms.LagWeights = weights) -> None:
+                part = replace(study, vehicle=_cut(study.vehicle, cell))
+                block = rms.mean_squares(_columns(part.vehicle), study.names, rule.omega, weights)
+                _store(solution, cell, block, "shared_quadrature")
+                progress(math.prod(part.shape))
+
+            _run(shared, cells, jobs)
+        worst = np.max([np.max(e, axis=(0, -1)) for e in solution.relative_error.values()], axis=0)
+        own = [tuple(map(int, i)) for i in np.argwhere(~(worst <= REFINE_ABOVE))]
+
+    def alone(index: tuple[int, ...]) -> None:
+        cell = tuple(slice(i, i + 1) for i in index)
+        _store(solution, cell, _own_quadrature(study, index), "own_quadrature")
+        if edges is None:
+            progress(study.speed.size)
+
+    _run(alone, own, jobs)
+    _judge(study, solution)
+    return solution
+
+
+def psd(
+    study: Study, frequency: NDArray[np.float64], progress: Callable[[int], object] = lambda points: None
+) -> dict[str, NDArray[np.float64]]:
+    """One-sided PSDs {name: [positions, grid..., speeds, n]} at `frequency` [n] in Hz, per Hz, SI squared."""
+    result = {name: np.empty((len(SERIES[name].positions), *study.shape, frequency.size)) for name in study.names}
+    for _, cells in _blocks(study.vehicle, frequency.size * study.speed.size):
+        for cell in cells:
+            part = _cut(study.vehicle, cell)
+            column = part.map(lambda field: np.asarray(field)[..., None, None] if np.ndim(field) else field)
+            for name in study.names:
+                result[name][(slice(None), *cell)] = response_psd(
+                    SERIES[name], column, study.spectrum, frequency, study.speed[:, None]
+                )
+            progress(math.prod(part.shape) * study.speed.size)
+    return result
+
+
+def seconds(study: Study, jobs: int = 1) -> float:
+    """Estimated wall time of `solve`, s, from timing the first block of this grid."""
+    edges = _shared_edges(study)
+    start = time.perf_counter()
+    if edges is None:
+        _own_quadrature(study, (0,) * len(study.vehicle.shape))
+        return (time.perf_counter() - start) * math.prod(study.vehicle.shape) / jobs
+    rule = rms.quadrature(edges)
+    geometry, cells = next(iter(_blocks(study.vehicle, rule.omega.size)))
+    weights = rms.lag_weights(study.vehicle.at(geometry), study.spectrum, rule, study.speed, _limits(study))
+    part = _cut(study.vehicle, cells[0])
+    start = time.perf_counter()
+    rms.mean_squares(_columns(part), study.names, rule.omega, weights)
+    once = time.perf_counter() - start
+    return once * math.prod(study.vehicle.shape) / math.prod(part.shape) / jobs
+
+
+def _limits(study: Study) -> NDArray[np.float64]:
+    if study.band is None:
+        return np.array([np.zeros_like(study.speed), np.full_like(study.speed, np.inf)])
+    return band_limits(study.band, study.speed)
+
+
+def _track_poles(study: Study) -> NDArray[np.complex128]:
+    """Poles of the spectrum at every speed, rad/s: -v Omega_r and -v Omega_c."""
+    return -np.multiply.outer(study.speed, np.array(study.spectrum.cutoffs)).ravel().astype(complex)
+
+
+def _first_edges(study: Study, resonances: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The edges a panel must not straddle: every speed's own band, or 0 and the end of the nodes."""
+    if study.band is None:
+        return np.array([0.0, WHOLE_AXIS_REACH * np.max(np.abs(resonances.imag))])
+    return np.unique(band_limits(study.band, study.speed))
+
+
+def _shared_edges(study: Study) -> NDArray[np.float64] | None:
+    """Panel edges that serve every vehicle and speed of the grid, or None if they would be too many."""
+    sample = list(_sample(study.vehicle.shape))
+    resonances = np.concatenate([poles(study.vehicle.at(index)) for index in sample])
+    first = _first_edges(study, resonances)
+    if len(sample) < math.prod(study.vehicle.shape):
+        inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
+        if np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
+            return None  # between the vehicles sampled, such a peak could pass through the nodes
+    lag = max(float(wheel_lags(study.vehicle.at(index), study.speed.min())[-1]) for index in sample)
+    everything = np.concatenate([resonances, _track_poles(study)])
+    edges = rms.panel_edges(first, everything, lag)
+    return edges if (edges.size - 1) * 21 <= SHARED_NODES else None
+
+
+def _sample(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    """Indices of at most about SAMPLES vehicles, evenly over every axis, its two ends among them."""
+    varying = sum(n > 1 for n in shape)
+    limit = max(2, int(SAMPLES ** (1 / varying))) if varying else 1
+    picks = [np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in shape]
+    return (tuple(int(p[i]) for p, i in zip(picks, index, strict=True)) for index in np.ndindex(*map(len, picks)))
+
+
+def _blocks(vehicle: Vehicle, nodes: int) -> Iterator[tuple[tuple[int, ...], list[tuple[slice, ...]]]]:
+    """The grid cut into blocks: (index of a vehicle with the geometry, its blocks), geometry by geometry.
+
+    A block holds one L_c and L_t, because the lags are common to it; it is cut along the leading axes,
+    never along speed, so that the matrix product of every row is the same whatever the cut.
+    """
+    shape = vehicle.shape
+    size = [1 if _varies(vehicle, axis) else n for axis, n in enumerate(shape)]
+    for axis in range(len(shape)):
+        rest = math.prod(size[axis + 1 :])
+        size[axis] = min(size[axis], max(1, BLOCK // (nodes * rest)))
+    fixed = [_varies(vehicle, axis) for axis in range(len(shape))]
+    for geometry in np.ndindex(*(n if f else 1 for n, f in zip(shape, fixed, strict=True))):
+        starts = [[g] if f else range(0, n, step) for g, f, n, step in zip(geometry, fixed, shape, size, strict=True)]
+        cells = [
+            tuple(slice(s, min(s + step, n)) for s, step, n in zip(corner, size, shape, strict=True))
+            for corner in itertools.product(*starts)
+        ]
+        yield geometry, cells
+
+
+def _varies(vehicle: Vehicle, axis: int) -> bool:
+    """Whether the lags' geometry changes along a grid axis."""
+    fields = (np.asarray(vehicle.half_bogie_spacing), np.asarray(vehicle.half_wheelbase))
+    return any(f.ndim and f.shape[axis] > 1 for f in fields)
+
+
+def _cut(vehicle: Vehicle, cell: tuple[slice, ...]) -> Vehicle:
+    """The part of a grid of vehicles inside `cell`; a field stays whole along axes where it has length 1."""
+
+    def part(field: object) -> object:
+        array = np.asarray(field)
+        if array.ndim == 0:
+            return field
+        return array[tuple(s if n > 1 else slice(None) for s, n in zip(cell, array.shape, strict=True))]
+
+    return vehicle.map(part)
+
+
+def _columns(vehicle: Vehicle) -> Vehicle:
+    """The grid of vehicles with a last axis for the frequency nodes."""
+    return vehicle.map(lambda field: np.asarray(field)[..., None] if np.ndim(field) else field)
+
+
+def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanSquare]:
+    """Mean squares of one vehicle at every speed with nodes placed for it alone, twice as dense."""
+    vehicle = study.vehicle.at(index)
+    resonances = poles(vehicle)
+    edges = rms.panel_edges(
+        _first_edges(study, resonances),
+        np.concatenate([resonances, _track_poles(study)]),
+        float(wheel_lags(vehicle, study.speed.min())[-1]),
+        refine=2.0,
+    )
+    rule = rms.quadrature(edges)
+    weights = rms.lag_weights(vehicle, study.spectrum, rule, study.speed, _limits(study))
+    squares = rms.mean_squares(vehicle, study.names, rule.omega, weights)
+    if study.band is None:
+        beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
+        squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}
+    return {
+        k: rms.MeanSquare(*(np.expand_dims(x, tuple(range(1, 1 + len(index)))) for x in (m.value, m.error)))
+        for k, m in squares.items()
+    }
+
+
+def _store(solution: Solution, cell: tuple[slice, ...], squares: dict[str, rms.MeanSquare], method: str) -> None:
+    for name, square in squares.items():
+        with np.errstate(invalid="ignore", divide="ignore"):
+            solution.rms[name][(slice(None), *cell)] = np.sqrt(square.value)
+            # the root halves a relative error
+            solution.relative_error[name][(slice(None), *cell)] = square.error / square.value / 2
+    solution.method[cell] = METHOD.index(method)
+
+
+def _judge(study: Study, solution: Solution) -> None:
+    """Give every point its status, and NaN where it is not ok."""
+    errors = np.concatenate(list(solution.relative_error.values()))
+    finite = np.all([np.all(np.isfinite(v), axis=0) for v in solution.rms.values()], axis=0)
+    solution.status[np.all(errors <= TOLERANCE, axis=0) & finite] = STATUS.index("ok")
+    solution.status[~finite] = STATUS.index("failed")
+    damperless = np.equal(study.vehicle.primary_damping, 0) | np.equal(study.vehicle.secondary_damping, 0)
+    for index in map(tuple, np.argwhere(np.broadcast_to(damperless, study.vehicle.shape))):
+        undamped = _undamped(study.vehicle.at(index), _limits(study))
+        solution.status[index][undamped] = STATUS.index("undamped")
+    bad = solution.status != STATUS.index("ok")
+    solution.method[bad] = METHOD.index("none")
+    for values in (*solution.rms.values(), *solution.relative_error.values()):
+        values[:, bad] = np.nan
+
+
+def _undamped(vehicle: Vehicle, limits: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether a chain without any damper resonates inside the band, [speeds]: its variance is infinite."""
+    result = np.zeros(limits.shape[1], dtype=bool)
+    for chain in CHAINS:
+        if all(damping == 0 for _, damping, _ in ladder(vehicle, chain)[1]):
+            resonances = np.abs(np.linalg.eigvals(state_space(chain_system(vehicle, chain)).a).imag)
+            inside = (resonances[:, None] > limits[0]) & (resonances[:, None] < limits[1])
+            result |= inside.any(axis=0)
+    return result
+
+
+def _run(task: Callable, items: list, jobs: int) -> None:
+    """Call `task` on every item, on `jobs` threads (numpy lets go of the interpreter's lock)."""
+    if jobs == 1 or len(items) < 2:
+        for item in items:
+            task(item)
+        return
+    with ThreadPoolExecutor(jobs) as pool:
+        for future in [pool.submit(task, item) for item in items]:
+            future.result()

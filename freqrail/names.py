@@ -1,0 +1,290 @@
+"""The one table of names: every parameter that users type and every response that they read.
+
+Validation, dataset attributes, axis labels and `freqrail show` all read from here. Units are written
+as users type them (and as UDUNITS parses them); `unit` is always the SI unit the code computes in.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A quantity of the case file.
+
+    symbol: as in the paper, for figures (mathtext). unit: SI. shown_unit: of the dataset's
+    coordinate and of messages, None for the unit the user wrote. kind: what it is, for messages.
+    lower: smallest accepted value, SI (excluded if `above`); upper: largest. infinite: whether inf
+    is accepted.
+    """
+
+    name: str
+    section: str
+    symbol: str
+    unit: str
+    kind: str
+    example: str
+    meaning: str
+    lower: float = 0.0
+    above: bool = True
+    upper: float = math.inf
+    infinite: bool = False
+    shown_unit: str | None = None
+    hint: str = ""
+
+
+SMALLEST_JOINT_STIFFNESS = 1.0  # N/m
+FASTEST = 600 / 3.6  # m/s
+
+_VEHICLE = (
+    Parameter("car_body_mass", "vehicle", "M_c", "kg", "mass", "15200 kg", "half of the car body's mass"),
+    Parameter(
+        "car_body_pitch_inertia",
+        "vehicle",
+        "J_c",
+        "kg*m^2",
+        "moment of inertia",
+        "1019000 kg*m^2",
+        "half of the car body's pitch moment of inertia",
+    ),
+    Parameter("bogie_mass", "vehicle", "M_t", "kg", "mass", "600 kg", "half of a bogie frame's mass"),
+    Parameter(
+        "bogie_pitch_inertia",
+        "vehicle",
+        "J_t",
+        "kg*m^2",
+        "moment of inertia",
+        "700 kg*m^2",
+        "half of a bogie frame's pitch moment of inertia",
+    ),
+    Parameter("wheelset_mass", "vehicle", "M_w", "kg", "mass", "700 kg", "half of a wheelset's mass"),
+    Parameter(
+        "primary_stiffness",
+        "vehicle",
+        "K_p",
+        "N/m",
+        "stiffness",
+        "875 kN/m",
+        "vertical stiffness of the primary suspension per axle",
+    ),
+    Parameter(
+        "primary_damping",
+        "vehicle",
+        "C_p",
+        "N*s/m",
+        "damping",
+        "17 kN*s/m",
+        "vertical damping of the primary suspension per axle",
+        above=False,
+    ),
+    Parameter(
+        "primary_joint_stiffness",
+        "vehicle",
+        "K_{pd}",
+        "N/m",
+        "stiffness",
+        "5 MN/m",
+        "stiffness of each of the two rubber joints of a primary vertical damper",
+        lower=SMALLEST_JOINT_STIFFNESS,
+        above=False,
+        infinite=True,
+        shown_unit="MN/m",
+    ),
+    Parameter(
+        "secondary_stiffness",
+        "vehicle",
+        "K_s",
+        "N/m",
+        "stiffness",
+        "412 kN/m",
+        "vertical stiffness of the secondary suspension per bogie",
+    ),
+    Parameter(
+        "secondary_damping",
+        "vehicle",
+        "C_s",
+        "N*s/m",
+        "damping",
+        "54 kN*s/m",
+        "vertical damping of the secondary suspension per bogie",
+        above=False,
+    ),
+    Parameter(
+        "secondary_joint_stiffness",
+        "vehicle",
+        "K_{sd}",
+        "N/m",
+        "stiffness",
+        "5 MN/m",
+        "stiffness of each of the two rubber joints of a secondary vertical damper",
+        lower=SMALLEST_JOINT_STIFFNESS,
+        above=False,
+        infinite=True,
+        shown_unit="MN/m",
+    ),
+    Parameter(
+        "half_bogie_spacing", "vehicle", "L_c", "m", "length", "3.289 m", "half of the distance between bogie pivots"
+    ),
+    Parameter("half_wheelbase", "vehicle", "L_t", "m", "length", "0.797 m", "half of a bogie's wheelbase"),
+    Parameter(
+        "contact_constant",
+        "vehicle",
+        "G",
+        "m/N^(2/3)",
+        "contact constant",
+        "5.1824e-8 m/N^(2/3)",
+        "Hertzian contact constant of wheel and rail",
+    ),
+    Parameter(
+        "contact_stiffness",
+        "vehicle",
+        "K_H",
+        "N/m",
+        "stiffness",
+        "1.0448 GN/m",
+        "linear contact stiffness of wheel and rail",
+    ),
+)
+
+_OTHERS = (
+    Parameter(
+        "roughness", "track", "A_v", "m^2*rad/m", "roughness coefficient", "4.032e-7 m^2*rad/m", "track roughness"
+    ),
+    Parameter("cutoffs", "track", "\\Omega", "rad/m", "wavenumber", "0.0206 rad/m", "cut-off wavenumbers of the track"),
+    Parameter(
+        "speed",
+        "operation",
+        "v",
+        "m/s",
+        "speed",
+        "250 km/h",
+        "running speed",
+        upper=FASTEST,
+        shown_unit="km/h",
+        hint="speeds above 600 km/h are refused: is the unit right?",
+    ),
+    Parameter("frequency", "band", "f", "Hz", "frequency", "0.1 Hz", "frequency", shown_unit="Hz"),
+    Parameter("wavelength", "band", "\\lambda", "m", "length", "1 m", "wavelength of the track irregularity"),
+)
+
+PARAMETERS: dict[str, Parameter] = {p.name: p for p in (*_VEHICLE, *_OTHERS)}
+"""Every quantity by its name."""
+
+SWEEPABLE: tuple[str, ...] = tuple(p.name for p in PARAMETERS.values() if p.section in ("vehicle", "operation"))
+"""Names that may be an axis of a sweep, beside the `frequency` of stored spectra."""
+
+JOINTS = ("primary_joint_stiffness", "secondary_joint_stiffness")
+"""The axes that the traditional model lacks."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """A response that is computed: its variables are NAME_rms, NAME_psd and their traditional twins.
+
+    unit: SI. shown_unit and shown_scale: for figures and tables, the value in SI times the scale.
+    dimension and positions: along which it is resolved; "" and () for a single value.
+    paper: whether it is one of the four that the paper reports.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    shown_unit: str
+    shown_scale: float
+    dimension: str
+    positions: tuple[str, ...] | tuple[int, ...]
+    long_name: str
+    paper: bool = True
+
+    @property
+    def psd_unit(self) -> str:
+        """Unit of the one-sided PSD, as UDUNITS parses it."""
+        return f"({self.unit})2 Hz-1"
+
+
+CAR_POSITIONS = ("front", "centre", "rear")
+BOGIES = ("front", "rear")
+AXLES = (1, 2, 3, 4)
+
+RESPONSES: dict[str, Response] = {
+    r.name: r
+    for r in (
+        Response(
+            "car_body_acceleration",
+            "\\ddot{z}_c",
+            "m s-2",
+            "m/s²",
+            1.0,
+            "car_position",
+            CAR_POSITIONS,
+            "car body vertical acceleration",
+        ),
+        Response(
+            "bogie_acceleration",
+            "\\ddot{z}_t",
+            "m s-2",
+            "m/s²",
+            1.0,
+            "bogie",
+            BOGIES,
+            "bogie frame vertical acceleration",
+        ),
+        Response("secondary_stroke", "e_s", "m", "mm", 1e3, "bogie", BOGIES, "secondary suspension vertical stroke"),
+        Response("primary_stroke", "e_p", "m", "mm", 1e3, "axle", AXLES, "primary suspension vertical stroke"),
+        Response(
+            "wheelset_acceleration",
+            "\\ddot{z}_w",
+            "m s-2",
+            "m/s²",
+            1.0,
+            "axle",
+            AXLES,
+            "wheelset vertical acceleration",
+            paper=False,
+        ),
+        Response(
+            "car_body_pitch_acceleration",
+            "\\ddot{\\beta}_c",
+            "rad s-2",
+            "rad/s²",
+            1.0,
+            "",
+            (),
+            "car body pitch acceleration",
+            paper=False,
+        ),
+        Response(
+            "bogie_pitch_acceleration",
+            "\\ddot{\\beta}_t",
+            "rad s-2",
+            "rad/s²",
+            1.0,
+            "bogie",
+            BOGIES,
+            "bogie frame pitch acceleration",
+            paper=False,
+        ),
+    )
+}
+"""Every response by its name, in the order they are stored and printed."""
+
+DIMENSIONS: dict[str, tuple[str, tuple[str, ...] | tuple[int, ...]]] = {
+    "car_position": (
+        "where on the car body: over the front pivot (z_c - L_c beta_c), at the centre, over the rear pivot",
+        CAR_POSITIONS,
+    ),
+    "bogie": ("bogie, at the centre of its frame", BOGIES),
+    "axle": ("axle, counted from the front", AXLES),
+}
+"""Dimensions along which responses are resolved: (long name, labels)."""
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """' (did you mean ...?)' with the nearest known name, or the list of names when none is near."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return f" (did you mean {near[0]}?)" if near else f" (known: {', '.join(known)})"

@@ -1,0 +1,154 @@
+"""Results on disk: NetCDF files that are complete or not there at all.
+
+A file is written under a temporary name beside its target, read back and compared with what was meant
+by a digest of its whole content, flushed to the disk and only then put in the target's place. Every
+read checks that digest. One thread of one process touches NetCDF: the library is not thread-safe.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from freqrail.dataset import SCHEMA_VERSION, content_digest
+from freqrail.errors import FileError, InputError
+
+_MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+_EXPANSION = 1000  # a file that declares more than this many bytes of data per byte of its own is not read
+
+
+def check_target(path: str | os.PathLike[str], overwrite: bool = False, inputs: tuple[str, ...] = ()) -> Path:
+    """The path of an output file, after checking everything that can be known before computing.
+
+    Raises InputError (exit 2) if it exists and `overwrite` is not set, or is one of the `inputs`, also
+    through a link; FileError (exit 4) if its folder is missing or cannot be written.
+    """
+    target = Path(path)
+    for source in inputs:
+        if target.exists() and os.path.exists(source) and os.path.samefile(target, source):
+            raise InputError(f"{target}: is the input itself; name another output file")
+    if target.is_dir():
+        raise InputError(f"{target}: is a folder; name a file in it, such as {target / 'result.nc'}")
+    if target.exists() and not overwrite:
+        raise InputError(f"{target}: exists already; --overwrite replaces it")
+    folder = target.parent
+    if not folder.is_dir():
+        raise FileError(f"{folder}: no such folder; make it, or name another with -o")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise FileError(f"{folder}: this folder cannot be written")
+    return target
+
+
+def check_space(path: Path, needed: int) -> None:
+    """Raise InputError if the disk of `path` has less than `needed` bytes free, before anything is allocated."""
+    stat = os.statvfs(path.parent)
+    free = stat.f_bavail * stat.f_frsize
+    if needed > free:
+        raise InputError(
+            f"{path}: the grid is too large for this disk: {needed / 1e9:.3g} GB needed, {free / 1e9:.3g} GB free; "
+            "use fewer values or responses, or leave out --psd"
+        )
+
+
+def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """Write a labelled dataset as NetCDF-4, whole or not at all; returns the path.
+
+    Raises InputError if the file exists and `overwrite` is not set, FileError (an input or output
+    fault, such as a full disk) with the old file, if any, untouched.
+    """
+    target = check_target(path, overwrite)
+    temporary = target.with_name(f".{target.name}.partial")
+    digest = content_digest(dataset)
+    try:
+        dataset.assign_attrs(content_digest=digest).to_netcdf(
+            temporary, engine="netcdf4", format="NETCDF4", encoding=_encoding(dataset)
+        )
+        with xr.open_dataset(temporary, engine="netcdf4") as written:
+            found = content_digest(written.load())
+        if found != digest:
+            raise OSError("what was read back differs from what was written; is the disk full?")
+        _flush(temporary)
+        os.replace(temporary, target)
+        _flush(target.parent)
+    except (OSError, RuntimeError) as fault:
+        temporary.unlink(missing_ok=True)
+        words = getattr(fault, "strerror", None) or str(fault)
+        raise FileError(f"{target}: cannot be written: {words}") from None
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    return target
+
+
+def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Read a result of freqrail into memory, after checking that it is whole.
+
+    Raises InputError for a missing or foreign file, a newer schema, or a content that does not match
+    the digest stored in it.
+    """
+    source = Path(path)
+    if "://" in str(path):
+        raise InputError(f"{path}: only local files are read")
+    if not source.is_file():
+        what = "is a folder" if source.is_dir() else "no such file"
+        raise InputError(f"{source}: {what}; a result of `freqrail sweep` is due")
+    try:
+        with source.open("rb") as stream:
+            head = stream.read(8)
+    except OSError as fault:
+        raise InputError(f"{source}: cannot be read: {fault.strerror}") from None
+    if not head.startswith(_MAGIC):
+        raise InputError(f"{source}: is not a NetCDF file" + (" (it is empty)" if not head else ""))
+    try:
+        with xr.open_dataset(source, engine="netcdf4") as lazy:
+            _check_head(lazy, source)
+            dataset = lazy.load()
+    except InputError:
+        raise
+    except Exception as fault:  # a damaged file raises whatever the layers below happen to hit
+        raise InputError(f"{source}: damaged, cannot be read as NetCDF ({type(fault).__name__})") from None
+    if content_digest(dataset) != dataset.attrs["content_digest"]:
+        raise InputError(f"{source}: damaged: its content does not match its digest; compute it anew")
+    return dataset
+
+
+def _check_head(lazy: xr.Dataset, source: Path) -> None:
+    version = lazy.attrs.get("dataset_schema_version")
+    if version is None or "content_digest" not in lazy.attrs:
+        raise InputError(f"{source}: is not a result of freqrail (no dataset_schema_version)")
+    if int(version) > SCHEMA_VERSION:
+        raise InputError(
+            f"{source}: has schema {int(version)}, this freqrail reads up to {SCHEMA_VERSION}; update freqrail"
+        )
+    declared = sum(variable.nbytes for variable in lazy.variables.values())
+    if declared > _EXPANSION * max(source.stat().st_size, 1_000_000):
+        raise InputError(f"{source}: declares {declared:.3g} bytes of data, far more than the file holds")
+
+
+def _encoding(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """How variables are stored: checksums on data, no fill value on coordinates, text as characters."""
+    encoding: dict[str, dict[str, Any]] = {}
+    for name, variable in dataset.variables.items():
+        settings: dict[str, Any] = {}
+        if variable.dtype.kind in "OU":
+            settings = {"dtype": "S1", "char_dim_name": f"{name}_length"}
+        elif name in dataset.coords or variable.dtype.kind != "f":
+            settings = {"_FillValue": None}
+        else:
+            settings = {"_FillValue": np.nan}
+        if variable.ndim and variable.dtype.kind not in "OU":
+            settings["fletcher32"] = True
+        encoding[str(name)] = settings
+    return encoding
+
+
+def _flush(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

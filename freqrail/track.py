@@ -1,0 +1,90 @@
+"""Vertical track irregularity: one-sided spectra of the track's height.
+
+A spectrum S_v(Omega) in m^2/(rad/m) over the wavenumber Omega in rad/m is one-sided: its integral
+from 0 to infinity is the variance. Read that way, the low German spectrum gives 0.984 mm over
+3-25 m, what the track standards expect of good track.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Number = Any
+
+
+@dataclass(frozen=True)
+class Band:
+    """What an RMS is taken over: "frequency" in Hz or "wavelength" in m, from `low` to `high`."""
+
+    kind: str
+    low: float
+    high: float
+
+
+def band_limits(band: Band, speed: Number) -> NDArray[np.float64]:
+    """Limits [2, ...] of a band in rad/s at every `speed` in m/s; omega = 2 pi v / wavelength."""
+    if band.kind == "frequency":
+        return 2 * np.pi * np.array([np.full_like(speed, band.low), np.full_like(speed, band.high)])
+    return 2 * np.pi * np.array([speed / band.high, speed / band.low])
+
+
+@dataclass(frozen=True)
+class RationalSpectrum:
+    """S_v(Omega) = A Omega_c^2 / ((Omega^2 + Omega_r^2) (Omega^2 + Omega_c^2))  (eq. 11).
+
+    roughness: A in m^2 rad/m. cutoffs: (Omega_r, Omega_c) in rad/m.
+    """
+
+    name: str
+    roughness: float
+    cutoffs: tuple[float, float]
+
+
+# A_v in m^2 rad/m, cutoffs in rad/m: the low one is eq. (11) with the paper's numbers, the high one
+# the same formula with the German high-interference roughness.
+GERMAN_CUTOFFS = (0.0206, 0.8246)
+GERMAN_ROUGHNESS = {"german-low": 4.032e-7, "german-high": 1.080e-6}
+
+
+def wavenumber_psd(spectrum: RationalSpectrum, wavenumber: Number) -> Number:
+    """S_v in m^2/(rad/m), one-sided, at `wavenumber` in rad/m (eq. 11)."""
+    omega_r, omega_c = spectrum.cutoffs
+    square = np.square(wavenumber)
+    return spectrum.roughness * omega_c**2 / ((square + omega_r**2) * (square + omega_c**2))
+
+
+def angular_psd(spectrum: RationalSpectrum, omega: Number, speed: Number) -> Number:
+    """G(omega) = S_v(omega / v) / v in m^2/(rad/s), one-sided; omega in rad/s, speed in m/s."""
+    return wavenumber_psd(spectrum, omega / speed) / speed
+
+
+def frequency_psd(spectrum: RationalSpectrum, frequency: Number, speed: Number) -> Number:
+    """2 pi S_v(2 pi f / v) / v in m^2/Hz, one-sided; frequency in Hz, speed in m/s."""
+    return 2 * np.pi * angular_psd(spectrum, 2 * np.pi * frequency, speed)
+
+
+def standard_deviation(spectrum: RationalSpectrum, wavelengths: tuple[float, float] = (0.0, np.inf)) -> float:
+    """Standard deviation of the track height in m, over all wavelengths or a band of them in m.
+
+    In closed form, by partial fractions of eq. (11).
+    """
+    upper, lower = (2 * np.pi / w if w > 0 else np.inf for w in wavelengths)
+    omega_r, omega_c = spectrum.cutoffs
+
+    def part(cutoff: float) -> float:
+        return (np.arctan(upper / cutoff) - np.arctan(lower / cutoff)) / cutoff
+
+    if np.isclose(omega_r, omega_c, rtol=1e-6):
+        # the double pole: both partial fractions merge, and so does their difference quotient
+        def double(wavenumber: float) -> float:
+            x = wavenumber / omega_c
+            tail = 0.0 if np.isinf(x) else x / (1 + x * x)
+            return (np.arctan(x) + tail) / (2 * omega_c)
+
+        return float(np.sqrt(spectrum.roughness * (double(upper) - double(lower))))
+    scale = spectrum.roughness * omega_c**2 / (omega_c**2 - omega_r**2)
+    return float(np.sqrt(scale * (part(omega_r) - part(omega_c))))
