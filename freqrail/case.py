@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, create_model
 
-from freqrail.errors import FileError, FreqrailWarning, InputError
+from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import Axis, Quantity, parse_axis, parse_pair, parse_quantity, shown_value
 from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, Band, RationalSpectrum
@@ -118,8 +118,12 @@ def build_case(
     over: Mapping[str, str] | None = None,
     name: str = "case",
     file: str = "case",
+    stray_points: bool = False,
 ) -> Case:
-    """`load_case` of TOML text; `file` is the name that messages bear."""
+    """`load_case` of TOML text; `file` is the name that messages bear.
+
+    stray_points: accept confirm points off the grid, as an axis given by `over` may leave them.
+    """
     tables = _parse_toml(text, file)
     problems: list[str] = []
     origins: dict[tuple[str, ...], str] = {}
@@ -148,7 +152,7 @@ def build_case(
     axes = tuple(sweep.values())
     problems += _geometry_problems(quantities, axes, file)
     points = tuple(checked.confirm.points)
-    if not over:
+    if not (over or stray_points):
         problems += _point_problems(points, quantities, axes, file)
     if problems:
         raise InputError(*problems)
@@ -336,7 +340,9 @@ def _model() -> Any:
     def table(name: str, **fields: Any) -> Any:
         return create_model(name, __base__=_Table, **fields)
 
-    vehicle = {name: (_quantity_field(name), ...) for name, p in PARAMETERS.items() if p.section == "vehicle"}
+    vehicle: dict[str, Any] = {
+        name: (_quantity_field(name), ...) for name, p in PARAMETERS.items() if p.section == "vehicle"
+    }
     vehicle |= {name: (_quantity_field(name), None) for name in CONTACTS}
     empty: Any = None
     tables = {

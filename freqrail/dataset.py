@@ -31,6 +31,7 @@ from freqrail.track import Band, band_limits
 
 SCHEMA_VERSION = 1
 PSD_POINTS = 400
+COPIES = 3  # how many times a result stands in memory at most, while it is labelled and written
 PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
 
 MODELS = {"": "model with damper joints", "traditional_": "traditional model, rigid damper joints"}
@@ -69,6 +70,7 @@ def sweep(
     elif over or settings:
         raise InputError("over and settings go with the path or name of a case: a Case is checked already")
     plan = Plan.of(case, responses, psd)
+    _check_memory(plan)
     solutions, spectra = {}, {}
     for prefix, study in plan.studies.items():
         solutions[prefix] = grid.solve(study, jobs, progress)
@@ -124,6 +126,21 @@ class Plan:
         series = sum(max(1, len(RESPONSES[name].positions)) for name in self.names)
         lines = self.frequency.si.size if self.frequency is not None else 0
         return sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.studies.values())
+
+    def seconds(self, jobs: int) -> float:
+        """Estimated wall time of the sweep in s, from timing a first block of each model."""
+        return sum(grid.seconds(study, jobs) for study in self.studies.values())
+
+
+def _check_memory(plan: Plan) -> None:
+    """Raise InputError before anything is allocated that the machine's memory cannot hold."""
+    needed = COPIES * plan.stored_bytes
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else math.inf
+    if needed > memory:
+        raise InputError(
+            f"the grid is too large for this machine: {needed / 1e9:.3g} GB needed, {memory / 1e9:.3g} GB of memory; "
+            "use fewer values or responses, or leave out the spectra"
+        )
 
 
 def response_names(responses: str | Sequence[str]) -> tuple[str, ...]:

@@ -44,7 +44,8 @@ def parse_point(text: str) -> Point:
 
 def result_case(dataset: xr.Dataset) -> Case:
     """The case that a result was computed from, after all its settings and axes."""
-    return build_case(dataset.attrs["effective_case"], name=str(dataset.attrs["case_name"]), file="the result's case")
+    text, name = str(dataset.attrs["effective_case"]), str(dataset.attrs["case_name"])
+    return build_case(text, name=name, file="the result's case", stray_points=True)
 
 
 def swept(dataset: xr.Dataset) -> tuple[str, ...]:
@@ -80,7 +81,7 @@ def locate(dataset: xr.Dataset, point: Point | None = None, nearest: bool = Fals
     for name in axes:
         quantity = point.get(name) or case.quantities.get(name)
         values = axis_si(dataset, name)
-        if quantity is None or values.size == 1 and name not in point:
+        if quantity is None or (values.size == 1 and name not in point):
             indices[name] = 0  # nothing to choose from, or nothing that says what to choose
             continue
         at = _closest(values, quantity.value)

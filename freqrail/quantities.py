@@ -11,9 +11,11 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,6 +54,10 @@ class Axis:
     unit: str
     si: NDArray[np.float64]
     text: str
+
+
+Formed = Callable[[Fraction], NDArray[np.float64]]
+"""The values of an axis once the ratio of units is known."""
 
 
 @functools.cache
@@ -111,7 +117,8 @@ def _factor(parameter: Parameter, unit: str, text: str) -> Fraction:
         raise ValueError(f'{fault}: a {parameter.kind} such as "{parameter.example}" is due (got "{text}")') from None
     if dimension != unit_factor(parameter.unit)[1]:
         raise ValueError(
-            f'wrong dimension: a {parameter.kind} in {parameter.unit}, such as "{parameter.example}", is due (got "{text}")'
+            f"wrong dimension: a {parameter.kind} in {parameter.unit}, such as "
+            f'"{parameter.example}", is due (got "{text}")'
         )
     return factor
 
@@ -143,10 +150,8 @@ def parse_quantity(parameter: Parameter, text: object) -> Quantity:
     if text.strip().lower() in ("nan", "+nan", "-nan") or text.strip().lower().startswith("nan "):
         raise ValueError(f'not a number (got "{text}")')
     number, unit = split_number(text, parameter.example)
-    if number.is_infinite() and not unit and parameter.infinite:
-        factor = Fraction(1)
-    else:
-        factor = _factor(parameter, unit, text)
+    rigid = number.is_infinite() and not unit and parameter.infinite
+    factor = Fraction(1) if rigid else _factor(parameter, unit, text)
     value = _float(_exact(number) * factor)
     _check(parameter, number, value, text)
     return Quantity(value, text.strip())
@@ -196,13 +201,12 @@ def parse_axis(parameter: Parameter, text: object) -> Axis:
     factor = _factor(parameter, unit, text)
     shown = parameter.shown_unit or unit
     if spacing:
-        exact = _spaced(spacing, numbers, text)
+        formed = _spaced(spacing, numbers, text)
     elif ":" in body:
-        exact = _stepped(numbers, text)
+        formed = _stepped(numbers, text)
     else:
-        exact = [_exact(n) for n in numbers]
-    values = np.array([_float(v * (factor / unit_factor(shown)[0])) for v in exact])
-    si = np.array([_float(v * factor) for v in exact])
+        formed = partial(_listed, numbers)
+    values, si = formed(factor / unit_factor(shown)[0]), formed(factor)
     if np.any(np.diff(values) <= 0):
         at = int(np.argmax(np.diff(values) <= 0))
         raise ValueError(f'values must strictly increase, {values[at + 1]:g} follows {values[at]:g} (got "{text}")')
@@ -217,7 +221,30 @@ def _axis_example(parameter: Parameter) -> str:
     )
 
 
-def _stepped(numbers: list[Decimal], text: str) -> list[Fraction]:
+def _listed(numbers: list[Decimal], ratio: Fraction) -> NDArray[np.float64]:
+    return np.array([_float(_exact(n) * ratio) for n in numbers])
+
+
+def _arithmetic(start: Fraction, step: Fraction, count: int, ratio: Fraction) -> NDArray[np.float64]:
+    """start + i step for i < count, times `ratio`, each value exact and rounded once."""
+    first, by = start * ratio, step * ratio
+    common = math.lcm(first.denominator, by.denominator)
+    a, b = int(first * common), int(by * common)
+    if max(abs(a) + abs(b) * count, common) < 2**53:  # integers that doubles hold: one correctly rounded division
+        return (a + b * np.arange(count)) / common
+    return np.array([_float(first + by * i) for i in range(count)])
+
+
+def _geometric(start: Fraction, stop: Fraction, count: int, ratio: Fraction) -> NDArray[np.float64]:
+    """Log-spaced values, the ends exact and the rest rounded to 12 digits, times `ratio`."""
+    values = np.geomspace(float(start), float(stop), count)
+    digits = 10.0 ** (11 - np.floor(np.log10(values)))
+    values = np.round(values * digits) / digits * float(ratio)
+    values[[0, -1]] = _float(start * ratio), _float(stop * ratio)
+    return values
+
+
+def _stepped(numbers: list[Decimal], text: str) -> Formed:
     if not all(n.is_finite() for n in numbers):
         raise ValueError(f'inf can only end a list of values (got "{text}")')
     start, stop, step = (Fraction(n) for n in numbers)
@@ -233,10 +260,10 @@ def _stepped(numbers: list[Decimal], text: str) -> list[Fraction]:
     if steps.denominator != 1:
         last = start + step * math.floor(steps)
         raise ValueError(f'STOP lies off the step: the last value would be {float(last):g} (got "{text}")')
-    return [start + step * i for i in range(int(steps) + 1)]
+    return partial(_arithmetic, start, step, int(steps) + 1)
 
 
-def _spaced(spacing: str, numbers: list[Decimal], text: str) -> list[Any]:
+def _spaced(spacing: str, numbers: list[Decimal], text: str) -> Formed:
     if not all(n.is_finite() for n in numbers):
         raise ValueError(f'inf can only end a list of values (got "{text}")')
     start, stop = Fraction(numbers[0]), Fraction(numbers[1])
@@ -250,9 +277,8 @@ def _spaced(spacing: str, numbers: list[Decimal], text: str) -> list[Any]:
     if spacing == "log":
         if start <= 0:
             raise ValueError(f'a log axis starts above 0 (got "{text}")')
-        inner = np.geomspace(float(start), float(stop), count)[1:-1]
-        return [start, *(Fraction(float(f"{v:.12g}")) for v in inner), *([stop] if count > 1 else [])]
-    return [start + (stop - start) * Fraction(i, max(1, count - 1)) for i in range(count)]
+        return partial(_geometric, start, stop, count)
+    return partial(_arithmetic, start, (stop - start) / max(1, count - 1), count)
 
 
 def shown_value(name: str, value: float) -> str:

@@ -8,6 +8,7 @@ read checks that digest. One thread of one process touches NetCDF: the library i
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,21 @@ _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
 _EXPANSION = 1000  # a file that declares more than this many bytes of data per byte of its own is not read
 
 
-def check_target(path: str | os.PathLike[str], overwrite: bool = False, inputs: tuple[str, ...] = ()) -> Path:
+def check_target(
+    path: str | os.PathLike[str],
+    overwrite: bool = False,
+    inputs: tuple[str, ...] = (),
+    needed: int = 0,
+    new_folder: bool = False,
+) -> Path:
     """The path of an output file, after checking everything that can be known before computing.
 
+    overwrite: the file may exist. inputs: files that it must not be. needed: bytes it will take.
+    new_folder: its folder may be missing, the caller will make it.
+
     Raises InputError (exit 2) if it exists and `overwrite` is not set, or is one of the `inputs`, also
-    through a link; FileError (exit 4) if its folder is missing or cannot be written.
+    through a link, or larger than the disk's free space; FileError (exit 4) if its folder is missing or
+    cannot be written.
     """
     target = Path(path)
     for source in inputs:
@@ -36,22 +47,19 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False, inputs: 
     if target.exists() and not overwrite:
         raise InputError(f"{target}: exists already; --overwrite replaces it")
     folder = target.parent
+    if new_folder and not folder.exists():
+        folder = folder.parent
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; make it, or name another with -o")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"{folder}: this folder cannot be written")
-    return target
-
-
-def check_space(path: Path, needed: int) -> None:
-    """Raise InputError if the disk of `path` has less than `needed` bytes free, before anything is allocated."""
-    stat = os.statvfs(path.parent)
-    free = stat.f_bavail * stat.f_frsize
+    free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
-            f"{path}: the grid is too large for this disk: {needed / 1e9:.3g} GB needed, {free / 1e9:.3g} GB free; "
+            f"{target}: the grid is too large for this disk: {needed / 1e9:.3g} GB needed, {free / 1e9:.3g} GB free; "
             "use fewer values or responses, or leave out --psd"
         )
+    return target
 
 
 def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) -> Path:

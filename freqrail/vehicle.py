@@ -258,7 +258,7 @@ def state_space(system: System) -> StateSpace:
     n = len(system.inertia)
     inner = [leg for leg in system.legs if leg.has_state]
     d = len(inner)
-    velocity, delta, position = slice(0, n), slice(n, n + d), slice(n + d, 2 * n + d)
+    velocity, position = slice(0, n), slice(n + d, 2 * n + d)
     a = np.zeros((2 * n + d, 2 * n + d))
     b = np.zeros((2 * n + d, len(system.contacts)))
     inverse = 1.0 / np.diag(mass)[:, None]

@@ -1,0 +1,371 @@
+"""The commands. No arithmetic here: a command checks its options, calls one function and prints.
+
+Results go to stdout, messages and progress to stderr. Exit codes: 0 done; 2 bad input; 3 failed grid
+points; 4 input or output; 130 interrupted; 1 only for a bug. Only click is imported at the top, so that
+`freqrail --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import shutil
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from freqrail import __version__
+from freqrail.errors import FileError, FreqrailError, FreqrailWarning, InputError, NumericalError
+
+PLOT_FORMATS = ("png", "svg", "pdf")
+
+
+class _Assignment(click.ParamType):
+    """An option value of the form NAME=VALUE."""
+
+    name = "NAME=VALUE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+        if isinstance(value, tuple):
+            return value
+        name, equals, text = (part.strip() for part in str(value).partition("="))
+        if not equals or not name:
+            self.fail(f'must be written NAME=VALUE, as in "speed=250 km/h" (got "{value}")', param, ctx)
+        return name, text
+
+
+_CASE = click.argument("case", metavar="CASE")
+_RESULT = click.argument("result", metavar="RESULT.nc")
+_SET = click.option(
+    "--set", "settings", type=_Assignment(), multiple=True, help='Change a scalar: --set "bogie_mass=650 kg".'
+)
+_AT = click.option("--at", metavar="POINT", help='A grid point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m".')
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, message="freqrail %(version)s")
+def cli() -> None:
+    """Random vibration of rail vehicles with damper rubber joints, in the frequency domain.
+
+    CASE is a case file, or the name of a case that comes with freqrail (see `freqrail cases`).
+    """
+
+
+@cli.command()
+@_CASE
+@click.option("-o", "--output", metavar="OUT.nc", help="Where to write; results/CASE.nc unless given.")
+@click.option(
+    "--over",
+    type=_Assignment(),
+    multiple=True,
+    help='Sweep a quantity: --over "speed=100:300:10 km/h"; also "1, 5, inf MN/m" and "log:1:100:20 MN/m".',
+)
+@_SET
+@click.option("--responses", default="paper", show_default=True, help="paper, all, or NAME,NAME,...")
+@click.option("--psd", is_flag=True, help="Store spectra too.")
+@click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Threads; all processors unless given.")
+@_JSON
+def sweep(
+    case: str,
+    output: str | None,
+    over: Sequence[tuple[str, str]],
+    settings: Sequence[tuple[str, str]],
+    responses: str,
+    psd: bool,
+    dry_run: bool,
+    overwrite: bool,
+    jobs: int | None,
+    as_json: bool,
+) -> None:
+    """Compute the RMS responses of CASE over its grid and write them as a labelled NetCDF file."""
+    over_by_name, settings_by_name = _once(over, "--over"), _once(settings, "--set")
+    if "frequency" in over_by_name and not psd:
+        raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
+    from freqrail.case import load_case
+    from freqrail.dataset import Plan, first_failures
+    from freqrail.dataset import sweep as compute
+    from freqrail.storage import check_target, write_result
+    from freqrail.summary import largest_error, number
+
+    loaded = load_case(case, settings_by_name, over_by_name)
+    plan = Plan.of(loaded, responses, psd)
+    target = Path(output or Path("results", f"{loaded.name}.nc"))
+    check_target(target, overwrite or dry_run, (case,), plan.stored_bytes, new_folder=output is None)
+    jobs = jobs or os.cpu_count() or 1
+    grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
+    facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
+    if dry_run:
+        facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": plan.seconds(jobs)}
+        _report(
+            facts,
+            as_json,
+            f"{plan.points} grid points ({grid}), both models",
+            f"{target}: {_size(plan.stored_bytes)}, about {number(plan.seconds(jobs), 2)} s on {jobs} threads",
+            "dry run: nothing computed, nothing written",
+        )
+        return
+    if output is None:
+        target.parent.mkdir(exist_ok=True)
+    start = time.perf_counter()
+    with _progress("sweep", plan.work) as advance:
+        result = compute(loaded, responses=responses, psd=psd, jobs=jobs, progress=advance)
+    elapsed = time.perf_counter() - start
+    write_result(result, target, overwrite)
+    failures = first_failures(result)
+    error = largest_error(result)
+    facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
+    accuracy = (
+        "no number has an error estimate" if math.isnan(error) else f"largest estimated error {error:.1e} (relative)"
+    )
+    _report(
+        facts,
+        as_json,
+        f"{plan.points} grid points ({grid}), {len(plan.names)} responses, with joints and traditional",
+        f"band {result.attrs['band']}; {accuracy}",
+        f"written: {target} ({_size(target.stat().st_size)}, computed in {number(elapsed, 2)} s)",
+        f"next: {_program()} plot {target}",
+    )
+    if failures:
+        raise NumericalError(*(f"{target}: {line}" for line in failures))
+
+
+@cli.command()
+@_RESULT
+@click.option("-o", "--output", metavar="FOLDER", help="Folder of the pictures; RESULT-figures unless given.")
+@click.option("--format", "file_format", type=click.Choice(PLOT_FORMATS), default="png", show_default=True)
+@_AT
+def plot(result: str, output: str | None, file_format: str, at: str | None) -> None:
+    """Draw a result: RMS against speed and stiffness, maps, and spectra where they are stored."""
+    from freqrail import figures
+    from freqrail.points import parse_point
+    from freqrail.storage import open_result
+
+    point = parse_point(at) if at is not None else None
+    dataset = open_result(result)
+    folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
+    for path in figures.plot(dataset, folder, file_format, point):
+        click.echo(str(path))
+    hint = figures.hint(dataset)
+    if hint:
+        click.echo(f"freqrail: {hint}", err=True)
+
+
+@cli.command()
+@click.argument("what", metavar="CASE|RESULT.nc")
+@_AT
+@_SET
+@click.option("--check", is_flag=True, help="Only check that a result is whole; the digest is compared.")
+@_JSON
+def show(what: str, at: str | None, settings: Sequence[tuple[str, str]], check: bool, as_json: bool) -> None:
+    """Show a case with what follows from it, or a result; with --at, the numbers of one grid point."""
+    if _is_result(what):
+        if settings:
+            raise InputError("--set: goes with a case; a result is what it is")
+        _show_result(what, at, check, as_json)
+    elif at is not None or check:
+        raise InputError(f"{'--at' if at is not None else '--check'}: goes with a result, not with a case (got {what})")
+    else:
+        _show_case(what, _once(settings, "--set"), as_json)
+
+
+def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
+    from freqrail import summary
+    from freqrail.case import load_case
+
+    case = load_case(what, settings)
+    parts: dict[str, list[summary.Record]] = {
+        "parameters": summary.case_parameters(case),
+        "derived": summary.case_derived(case),
+        "modes": [{k: m[k] for k in ("mode", "Hz", "damping")} for m in summary.mode_records(case) if m["Hz"]],
+        "axes": summary.case_axes(case),
+    }
+    tables = [summary.table(records) for records in parts.values() if records]
+    _report({"title": case.title, **parts}, as_json, "\n\n".join([summary.case_head(case), *tables]))
+
+
+def _show_result(what: str, at: str | None, check: bool, as_json: bool) -> None:
+    from freqrail import summary
+    from freqrail.dataset import first_failures
+    from freqrail.points import parse_point
+    from freqrail.storage import open_result
+
+    point = parse_point(at) if at is not None else None
+    dataset = open_result(what)
+    if check:
+        facts = {"file": what, "digest": dataset.attrs["content_digest"], "failures": first_failures(dataset)}
+        _report(facts, as_json, f"{what}: whole; content digest {dataset.attrs['content_digest'][:16]}... matches")
+        return
+    if point is not None:
+        where, records = summary.result_point(dataset, point)
+        _report({"point": where, "numbers": records}, as_json, where, summary.table(records))
+        return
+    parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
+    tables = [summary.table(records) for records in parts.values() if records]
+    hint = f'one grid point: {_program()} show {what} --at "speed=250 km/h"'
+    _report(
+        {"title": dataset.attrs.get("title", ""), **parts},
+        as_json,
+        "\n\n".join([summary.result_head(dataset), *tables, hint]),
+    )
+
+
+@cli.command()
+@_CASE
+@_SET
+@_JSON
+def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None:
+    """Natural frequencies, damping ratios and mode shapes of CASE, with joints and with rigid ones."""
+    from freqrail import summary
+    from freqrail.case import load_case
+
+    loaded = load_case(case, _once(settings, "--set"))
+    records = summary.mode_records(loaded)
+    _report({"modes": records}, as_json, summary.case_head(loaded), "", summary.table(records))
+
+
+@cli.command()
+@click.argument("name", required=False)
+@_JSON
+def cases(name: str | None, as_json: bool) -> None:
+    """List the cases that come with freqrail, or print the one called NAME."""
+    from freqrail.case import build_case, shipped_cases
+    from freqrail.names import suggestion
+
+    shipped = shipped_cases()
+    if name is None:
+        titles = {key: build_case(text).title for key, text in shipped.items()}
+        _report(titles, as_json, *(f"{key}  {title}" for key, title in titles.items()))
+    elif name in shipped:
+        click.echo(shipped[name], nl=False)
+    else:
+        raise InputError(f"{name}: no shipped case of that name{suggestion(name, shipped)}")
+
+
+# --- helpers ---------------------------------------------------------------------------------------
+
+
+def _once(pairs: Sequence[tuple[str, str]], option: str) -> dict[str, str]:
+    """Pairs as a dict; a name given twice is an error, since only one of them could hold."""
+    names = [name for name, _ in pairs]
+    twice = [f"{option} {name}: given twice; give it once" for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise InputError(*twice)
+    return dict(pairs)
+
+
+def _is_result(what: str) -> bool:
+    """Whether an argument means a result file rather than a case."""
+    if what.endswith(".nc"):
+        return True
+    try:
+        with open(what, "rb") as stream:
+            return stream.read(4) in (b"\x89HDF", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+    except (OSError, ValueError):
+        return False
+
+
+def _report(facts: dict[str, Any], as_json: bool, *lines: str) -> None:
+    click.echo(json.dumps(_jsonable(facts), indent=2) if as_json else "\n".join(lines))
+
+
+def _jsonable(value: Any) -> Any:
+    """The same with inf and nan as text, which JSON has no numbers for."""
+    if isinstance(value, dict):
+        return {key: _jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_jsonable(item) for item in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _size(count: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} GB"
+
+
+def _program() -> str:
+    """How to call this program again: its bare name if that is on the PATH, else as it was called."""
+    called = sys.argv[0]
+    found = shutil.which("freqrail")
+    return "freqrail" if found and os.path.exists(called) and os.path.samefile(found, called) else called
+
+
+@contextlib.contextmanager
+def _progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar on stderr, if that is a terminal; yields the function that advances it."""
+    if not sys.stderr.isatty():
+        yield lambda points: None
+        return
+    lock = threading.Lock()  # blocks finish on several threads
+    with click.progressbar(length=total, label=label, file=sys.stderr) as bar:
+
+        def advance(points: int) -> None:
+            with lock:
+                bar.update(points)
+
+        yield advance
+
+
+def _say(kind: str, text: str) -> None:
+    from freqrail.summary import printable
+
+    for line in text.split("\n"):
+        click.echo(f"freqrail: {kind}: {printable(line)}", err=True)
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *rest: Any, **options: Any) -> None:
+    if issubclass(category, FreqrailWarning):
+        _say("warning", str(message))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command and exit with its code; every fault is a line on stderr, never a traceback."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", FreqrailWarning)
+            warnings.showwarning = _show_warning
+            cli.main(args=arguments, prog_name="freqrail", standalone_mode=False)
+        sys.stdout.flush()
+    except click.exceptions.Exit as stop:
+        return stop.exit_code
+    except click.exceptions.NoArgsIsHelpError as help_text:
+        click.echo(help_text.format_message(), err=True)
+        return 2
+    except click.UsageError as fault:
+        where = f" (see {fault.ctx.command_path} --help)" if fault.ctx else ""
+        _say("error", " ".join(fault.format_message().split()) + where)
+        return 2
+    except FreqrailError as fault:
+        for problem in fault.problems:
+            _say("error", problem.replace("\n", "\\n"))
+        return fault.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("freqrail: interrupted", err=True)
+        return 130
+    except BrokenPipeError:
+        # the reader has gone; leave nothing for the interpreter to flush into the closed pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FileError.exit_code
+    except OSError as fault:
+        _say("error", f"{fault.filename or 'output'}: {fault.strerror or fault}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FileError.exit_code
+    return 0

@@ -1,0 +1,404 @@
+"""Figures of a sweep's result, fit for a paper. Nothing is computed here: what is drawn is in the dataset.
+
+A figure has one panel a response, laid out as the paper's figs. 5 to 7, and draws the first stored
+position of each: the car body over the front pivot, the front bogie, axle 1. What it keeps fixed stands
+above the panels, what its lines mean below them, so that neither covers data.
+"""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib.style
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+from numpy.typing import NDArray
+
+from freqrail.case import Case
+from freqrail.dataset import MODELS
+from freqrail.errors import FileError, InputError
+from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
+from freqrail.points import Point, axis_label, locate, result_case, swept
+
+FORMATS = ("png", "svg", "pdf")
+
+Selection = Mapping[str, int | NDArray[np.intp]]
+"""What a figure takes of each swept parameter: one index where it is held, all that it draws otherwise."""
+Style = Mapping[str, Any]
+
+_WIDTH, _ROW, _MARGIN = 7.2, 2.3, 1.2  # inches: two columns of a journal; a row of panels; caption and legend
+_SPEEDS, _LINES = 6, 8  # of more speeds, or more values of another parameter, an even spread is drawn
+_MARKED = 30  # a line of at most so many values shows each of them by a marker
+_MARKERS = "osD^vP<X"
+_FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
+_DEEPEST = 1e-8  # of its top, where a PSD axis ends: below lie only the dips of the wheelbase filter
+_BLUE = "#0072B2"  # of Okabe and Ito's colours
+_CAR = {"front": "over the front pivot", "centre": "at the centre", "rear": "over the rear pivot"}
+_CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
+_RIGID = 0.95  # of a panel's width, where the mark of the rigid joint begins
+
+_STYLE = {
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.use_mathtext": True,
+    "axes.titlesize": 8,
+    "font.size": 8,
+    "grid.color": "0.88",
+    "grid.linewidth": 0.5,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.title_fontsize": 8,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 2.6,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "freqrail",  # with no date in the file: the same bytes from run to run
+}
+
+
+def plot(
+    dataset: xr.Dataset, folder: str | os.PathLike[str], format: str = "png", at: Point | None = None
+) -> list[Path]:
+    """Draw every figure that a sweep's result allows into `folder`; returns the files' paths.
+
+    dataset: a result of `sweep`. folder: made if it is missing, but not its parents. format: "png"
+    (200 dpi), "svg" or "pdf". at: the point (see `points.parse_point`) at which a figure holds the
+    parameters that it does not draw; a name left out takes the case's scalar, or the grid's nearest value.
+
+    Figures are `rms-against-speed`, or one `rms-against-speed-AXIS` a further axis; `rms-against-AXIS`
+    and `map-speed-AXIS` for each of these; and `psd` where spectra are stored (see `hint`). An axis of one
+    value gets none. Files of the same name are replaced. SVG and PDF are the same bytes from run to run.
+
+    Raises InputError for an unknown format, a point off the grid, a dataset that is no sweep or that has
+    nothing to draw; FileError if the folder or a file cannot be written.
+    """
+    if format not in FORMATS:
+        raise InputError(f"--format: must be one of {', '.join(FORMATS)} (got {format!r})")
+    if "status" not in dataset:
+        raise InputError("plot: this dataset is no result of `freqrail sweep` (it has no variable status)")
+    drawings = _drawings(dataset, locate(dataset, at, nearest=True))
+    if not drawings:
+        raise InputError(
+            "plot: nothing to draw: at least two speeds, two values of another swept parameter, or stored spectra "
+            "(freqrail sweep CASE --psd) are needed"
+        )
+    target = _folder(Path(folder))
+    title = str(dataset.attrs.get("title", dataset.attrs["case_name"]))
+    # after_reset: a matplotlibrc of the user's must not change the bytes
+    with matplotlib.style.context(_STYLE, after_reset=True):
+        return [_save(draw(), target / f"{stem}.{format}", title) for stem, draw in drawings.items()]
+
+
+def hint(dataset: xr.Dataset) -> str | None:
+    """What to type to have spectra that `plot` can draw; None if the dataset stores them."""
+    if _stored(dataset, "_psd"):
+        return None
+    return f"no spectra stored; to plot them: freqrail sweep {dataset.attrs['case_name']} --psd"
+
+
+def _drawings(dataset: xr.Dataset, index: Mapping[str, int]) -> dict[str, Callable[[], Figure]]:
+    """The figures that the axes of a dataset allow, by the stem of their file's name."""
+    case = result_case(dataset)
+    axes = [name for name in swept(dataset) if dataset.sizes[name] > 1]
+    others = [name for name in axes if name != "speed"]
+    speed = "speed" if "speed" in axes else None
+    drawings: dict[str, Callable[[], Figure]] = {}
+    if speed and not others:
+        drawings["rms-against-speed"] = partial(_curves, dataset, case, index, speed, None)
+    for name in others if speed else ():
+        drawings[f"rms-against-speed-{name}"] = partial(_curves, dataset, case, index, "speed", name)
+    for name in others:
+        drawings[f"rms-against-{name}"] = partial(_curves, dataset, case, index, name, speed)
+    for name in others if speed else ():
+        if np.isfinite(dataset[name].values).sum() > 1:
+            drawings[f"map-speed-{name}"] = partial(_map, dataset, case, index, name)
+    if _stored(dataset, "_psd"):
+        drawings["psd"] = partial(_spectra, dataset, case, index)
+    return drawings
+
+
+# --- the figures -----------------------------------------------------------------------------------
+
+
+def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: str, family: str | None) -> Figure:
+    """RMS along one swept parameter, one line a value of `family`, beside the traditional model."""
+    where: dict[str, int | NDArray[np.intp]] = {**index, along: np.arange(dataset.sizes[along])}
+    if family:
+        where[family] = _spread(dataset.sizes[family], _SPEEDS if family == "speed" else _LINES)
+    places = np.atleast_1d(where[family]) if family else np.zeros(1, np.intp)
+    # the traditional model has one line for all where the family's parameter does not touch it
+    own = family in dataset["traditional_status"].dims
+    x = dataset[along].values
+    colours = colormaps["viridis"](np.linspace(0, 0.88, len(places))) if family else [_BLUE]
+    markers = _MARKERS if x.size <= _MARKED else [None] * len(places)
+    styles: list[Style] = [{"color": c, "marker": m} for c, m in zip(colours, markers, strict=False)]
+    dashed: list[Style] = [
+        {"color": style["color"] if own else "black", "linestyle": "--", "zorder": 2.5} for style in styles
+    ]
+    order = [name for name in (family, along) if name]
+    figure, panels = _panels(dataset, "_rms", _caption(dataset, case, "_rms", where))
+    for response, ax in panels:
+        with_joints = _drawn(dataset, response, "", "_rms", where, order).reshape(len(places), x.size)
+        traditional = _drawn(dataset, response, "traditional_", "_rms", where, order)
+        for line, style in zip(with_joints, styles, strict=True):
+            _line(ax, x, line, style)
+        for line, style in zip(traditional if own else [traditional], dashed, strict=False):
+            if np.ndim(line):
+                _line(ax, x, line, style)
+            else:
+                ax.axhline(line, **style)
+        _name_axis(ax, "x", dataset, along)
+        ax.set_ylabel(f"RMS [{response.shown_unit}]")
+        _not_too_steep(ax)
+    grey = {"color": "0.4"}
+    models = [_handle({**dashed[0], **(grey if own else {})}, MODELS["traditional_"])]
+    if own or not family:
+        models.insert(0, _handle(grey if own else styles[0], MODELS[""]))
+    if np.isinf(x).any():
+        mark = {
+            "color": "0.4" if family else _BLUE,
+            "linestyle": "none",
+            "marker": "_",
+            "markersize": 9,
+            "markeredgewidth": 2,
+        }
+        models.append(_handle(mark, "rigid joint, at the right edge"))
+    if family:
+        values = [_handle(style, _value(dataset, family, i)) for i, style in zip(places, styles, strict=True)]
+        size = dataset.sizes[family]
+        _legend(figure, models, values, _symbol(family) + (f" ({len(places)} of {size} values)" * (len(places) < size)))
+    else:
+        _legend(figure, models)
+    return figure
+
+
+def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -> Figure:
+    """RMS over speed and another swept parameter as colours: a cell a grid point, grey where there is no result."""
+    finite = np.flatnonzero(np.isfinite(dataset[name].values))
+    where: dict[str, int | NDArray[np.intp]] = {**index, "speed": np.arange(dataset.sizes["speed"]), name: finite}
+    caption = _caption(dataset, case, "_rms", where, models=("",))
+    if finite.size < dataset.sizes[name]:
+        caption.append("the rigid joint is not drawn")
+    figure, panels = _panels(dataset, "_rms", caption)
+    for response, ax in panels:
+        _name_axis(ax, "x", dataset, "speed")
+        _name_axis(ax, "y", dataset, name)
+        cells = ax.pcolormesh(
+            _edges(dataset["speed"].values, "speed"),
+            _edges(dataset[name].values[finite], name),
+            np.ma.masked_invalid(_drawn(dataset, response, "", "_rms", where, (name, "speed"))),
+            cmap="viridis",
+            rasterized=True,  # as vectors, cells show seams and a fine grid makes a huge file
+        )
+        ax.grid(False)
+        ax.set_facecolor("0.85")
+        figure.colorbar(cells, ax=ax, label=f"RMS [{response.shown_unit}]", pad=0.02)
+    return figure
+
+
+def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figure:
+    """One-sided PSDs at one grid point, with and without joints."""
+    styles: dict[str, Style] = {"": {"color": _BLUE}, "traditional_": {"color": "black", "linestyle": "--"}}
+    figure, panels = _panels(dataset, "_psd", _caption(dataset, case, "_psd", index))
+    for response, ax in panels:
+        ax.set_xscale("log")
+        ax.set_yscale("log", nonpositive="mask")
+        densities = {prefix: _drawn(dataset, response, prefix, "_psd", index, ("frequency",)) for prefix in styles}
+        for prefix, density in densities.items():
+            ax.plot(dataset["frequency"].values, density, **styles[prefix])
+        floor = _DEEPEST * max(np.max(density, initial=0.0, where=density < np.inf) for density in densities.values())
+        if ax.get_ylim()[0] < floor:
+            ax.set_ylim(bottom=floor)
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.set_xlabel("frequency $f$ [Hz]")
+        unit = response.shown_unit
+        ax.set_ylabel(f"one-sided PSD [{f'({unit})' if '/' in unit else unit}²/Hz]")
+    _legend(figure, [_handle(style, MODELS[prefix]) for prefix, style in styles.items()])
+    return figure
+
+
+# --- what a figure takes of the dataset ------------------------------------------------------------
+
+
+def _stored(dataset: xr.Dataset, suffix: str) -> list[Response]:
+    return [response for name, response in RESPONSES.items() if f"{name}{suffix}" in dataset]
+
+
+def _drawn(
+    dataset: xr.Dataset, response: Response, prefix: str, suffix: str, where: Selection, order: Sequence[str] = ()
+) -> NDArray[np.float64]:
+    """One variable at the first stored position in the shown unit, its dimensions as in `order`."""
+    variable = dataset[f"{prefix}{response.name}{suffix}"]
+    selected = variable.isel({n: at for n, at in {**where, response.dimension: 0}.items() if n in variable.dims})
+    values = selected.transpose(*order, ..., missing_dims="ignore").values
+    return values * response.shown_scale ** (2 if suffix == "_psd" else 1)
+
+
+def _spread(size: int, most: int) -> NDArray[np.intp]:
+    """At most so many of `size` places, evenly spread from the first to the last."""
+    return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(np.intp))
+
+
+def _edges(values: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    """Edges of the cells about grid values, half-way between them as the axis is drawn."""
+    there, back = (np.log, np.exp) if name in JOINTS else (np.positive, np.positive)
+    centre = there(values)
+    middle = (centre[1:] + centre[:-1]) / 2
+    return back(np.concatenate([[2 * centre[0] - middle[0]], middle, [2 * centre[-1] - middle[-1]]]))
+
+
+# --- words -----------------------------------------------------------------------------------------
+
+
+def _symbol(name: str) -> str:
+    return f"${PARAMETERS[name].symbol}$"
+
+
+def _pretty(unit: str) -> str:
+    return unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+
+def _value(dataset: xr.Dataset, name: str, index: int) -> str:
+    return _pretty(axis_label(dataset, name, index))
+
+
+def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
+    """Label an axis with name, symbol and unit; that of a joint stiffness is logarithmic."""
+    attributes = dataset[name].attrs
+    unit = _pretty(str(attributes.get("units", attributes.get("user_units"))))
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    axis.set_label_text(f"{name.replace('_', ' ')} {_symbol(name)} [{unit}]")
+    if name in JOINTS:
+        ax.set(**{f"{which}scale": "log"})
+        axis.set_minor_formatter(NullFormatter())
+    values = dataset[name].values[np.isfinite(dataset[name].values)]
+    gaps = np.diff(np.log(values) if name in JOINTS else values)
+    own = values.size > 1 and gaps.min() > _CROWDED * gaps.sum() and all(len(f"{value:g}") <= 5 for value in values)
+    if own:
+        axis.set_ticks(values)
+    elif name in JOINTS and values[-1] <= 1000 * values[0]:  # more decades have no room for it
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    else:
+        return
+    axis.set_minor_locator(NullLocator())
+    if name in JOINTS:
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
+def _caption(
+    dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[str] = tuple(MODELS)
+) -> list[str]:
+    """What a figure keeps fixed, and how many of the points it draws have no result."""
+    held = {}
+    for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in dataset.coords)]):
+        if name in where:
+            if np.ndim(where[name]) == 0:
+                held[name] = _value(dataset, name, int(where[name]))
+        elif name in dataset.coords:  # a slice that the caller has cut out of the result
+            held[name] = _value(dataset[[name]].expand_dims(name), name, 0)
+        else:
+            quantity = case.quantities[name]
+            held[name] = "rigid" if np.isinf(quantity.value) else _pretty(quantity.text)
+    fixed = [f"{_symbol(name)} = {text.replace('rigid', '∞ (rigid)')}" for name, text in held.items()]
+    # no-break spaces: a long caption is wrapped between its items, not within one
+    lines = [", ".join(item.replace(" ", "\N{NO-BREAK SPACE}") for item in [*fixed, f"band: {dataset.attrs['band']}"])]
+    for prefix in models:
+        values = [_drawn(dataset, response, prefix, suffix, where) for response in _stored(dataset, suffix)]
+        missing = np.any(np.isnan(values), axis=0)
+        if missing.any():
+            lines.append(f"{MODELS[prefix]}: {missing.sum()} of {missing.size} points have no result (gaps)")
+    return lines
+
+
+# --- panels ----------------------------------------------------------------------------------------
+
+
+def _panels(dataset: xr.Dataset, suffix: str, caption: Sequence[str]) -> tuple[Figure, Iterator[tuple[Response, Axes]]]:
+    """A figure with a titled panel for each stored response, two a row, and its caption above them."""
+    responses = _stored(dataset, suffix)
+    columns = min(2, len(responses))
+    rows = -(-len(responses) // columns)
+    figure = Figure(figsize=(_WIDTH, rows * _ROW + _MARGIN), layout=ConstrainedLayoutEngine(wspace=0.05, hspace=0.03))
+    figure.suptitle("\n".join(line for text in caption for line in textwrap.wrap(text, 100)), fontsize=8.5)
+    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for spare in panels[len(responses) :]:
+        spare.remove()
+    for letter, response, ax in zip("abcdefghij", responses, panels, strict=False):
+        ax.set_title(f"({letter}) {response.long_name}{_place(dataset, response)}")
+    return figure, zip(responses, panels, strict=False)
+
+
+def _place(dataset: xr.Dataset, response: Response) -> str:
+    if not response.dimension:
+        return ""
+    label = np.ravel(dataset[response.dimension].values)[0]
+    words = {"axle": f"axle {label}", "bogie": f"{label} bogie", "car_position": _CAR.get(label)}
+    return f", {words[response.dimension]}"
+
+
+def _line(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], style: Style) -> None:
+    """A line over the finite x; the value at an infinite one, the rigid joint, as a mark at the right edge."""
+    finite = np.isfinite(x)
+    if np.isnan(y).any():
+        style = {**style, "marker": style.get("marker") or "."}  # a point between two gaps shows by its marker alone
+    ax.plot(x[finite], y[finite], **style)
+    for level in y[~finite]:
+        ax.plot([_RIGID, 1], [level, level], color=style["color"], linewidth=2.2, transform=ax.get_yaxis_transform())
+    if not finite.all():
+        ax.set_xmargin(0.1)  # leaves the mark a place of its own
+
+
+def _not_too_steep(ax: Axes) -> None:
+    low, high = ax.get_ylim()
+    least = _FLATTEST * high
+    if high - low < least:
+        ax.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+
+
+def _handle(style: Style, label: str) -> Line2D:
+    return Line2D([], [], **style, label=label)
+
+
+def _legend(figure: Figure, models: list[Line2D], values: Sequence[Line2D] = (), title: str | None = None) -> None:
+    """One legend below all panels: the values in columns of their own, the models in the last one."""
+    rows = max(len(models), 2 if len(values) <= 6 else 3) if values else 1
+    blank = Line2D([], [], linestyle="none", label=" ")
+    handles = [*values, *[blank] * (-len(values) % rows), *models, *[blank] * (-len(models) % rows)]
+    # "outside": the layout makes room for it, so that it covers no panel
+    figure.legend(handles=handles, title=title, loc="outside lower center", ncols=len(handles) // rows)
+
+
+# --- files -----------------------------------------------------------------------------------------
+
+
+def _folder(folder: Path) -> Path:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as fault:
+        raise FileError(f"{folder}: this folder cannot be made: {fault.strerror}; name another with -o") from None
+    return folder
+
+
+def _save(figure: Figure, target: Path, title: str) -> Path:
+    """Write a figure under a temporary name and put it in the target's place only when it is whole."""
+    format = target.suffix[1:]
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(format, {})
+    temporary = target.with_name(f".{target.name}.partial")
+    try:
+        figure.savefig(temporary, format=format, dpi=200, metadata={"Title": title, **undated})
+        os.replace(temporary, target)
+    except OSError as fault:
+        raise FileError(f"{target}: cannot be written: {fault.strerror or fault}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    return target

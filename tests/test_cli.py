@@ -1,0 +1,289 @@
+"""The commands: exit codes, one line a problem, results on stdout, files untouched by bad input."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import freqrail
+from freqrail.cli import run
+
+ROOT = Path(__file__).parent.parent
+SMALL = ("--over", "speed=200, 250 km/h", "--over", "primary_joint_stiffness=1, 5 MN/m")
+
+
+def command(*arguments: str, cwd: Path, **options) -> subprocess.CompletedProcess[str]:
+    """The command as a process of its own, as a user runs it."""
+    return subprocess.run(
+        [sys.executable, "-m", "freqrail", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120, **options
+    )
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def result(tmp_path_factory):
+    """A small result, made once by the command."""
+    folder = tmp_path_factory.mktemp("result")
+    done = command("sweep", "yu-damper-joint", *SMALL, "-o", "small.nc", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "small.nc"
+
+
+def lines(capsys) -> list[str]:
+    return capsys.readouterr().err.splitlines()
+
+
+def test_sweep_writes_the_default_file_and_says_what_where_how_accurate_and_what_next(here):
+    done = command("sweep", "yu-damper-joint", *SMALL, cwd=here)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "24 grid points" in done.stdout
+    assert "results/yu-damper-joint.nc" in done.stdout
+    assert "estimated error" in done.stdout
+    assert "plot results/yu-damper-joint.nc" in done.stdout.splitlines()[-1]
+    assert freqrail.open_result(here / "results/yu-damper-joint.nc").sizes["speed"] == 2
+
+
+def test_a_case_file_and_its_shipped_name_are_the_same_study(here):
+    for case, out in ((str(ROOT / "cases/yu-damper-joint.toml"), "a.nc"), ("yu-damper-joint", "b.nc")):
+        assert run(["sweep", case, *SMALL, "-o", out]) == 0
+    a, b = xr.open_dataset("a.nc"), xr.open_dataset("b.nc")
+    assert a.attrs["content_digest"] == b.attrs["content_digest"]
+
+
+def test_the_command_and_the_function_give_the_same_numbers(result):
+    over = {"speed": "200, 250 km/h", "primary_joint_stiffness": "1, 5 MN/m"}
+    xr.testing.assert_identical(
+        freqrail.sweep("yu-damper-joint", over).drop_attrs(), freqrail.open_result(result).drop_attrs()
+    )
+
+
+def test_json_holds_the_facts_of_the_run(here, capsys):
+    assert run(["sweep", "yu-damper-joint", *SMALL, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["points"] == 24
+    assert facts["failures"] == []
+    assert 0 < facts["largest_relative_error"] < 1e-6
+
+
+def test_dry_run_writes_nothing_and_tells_size_and_time(here, capsys):
+    assert run(["sweep", "yu-damper-joint", "--dry-run", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["points"] == 756
+    assert facts["bytes"] > 756 * 11 * 8
+    assert facts["seconds"] > 0
+    assert not any(here.iterdir())
+
+
+def test_psd_is_stored_at_the_frequencies_asked_for(here):
+    over = ("--over", "frequency=log:1:10:5 Hz", "--over", "speed=250 km/h")
+    assert run(["sweep", "yu-damper-joint", *over, "--psd", "--responses", "bogie_acceleration", "-o", "p.nc"]) == 0
+    data = freqrail.open_result("p.nc")
+    assert data.frequency.values[[0, -1]].tolist() == [1.0, 10.0]
+    assert "bogie_acceleration_psd" in data
+    assert "car_body_acceleration_rms" not in data
+
+
+def test_points_without_a_result_end_with_3_and_a_file_that_says_so(here, capsys):
+    arguments = ["--set", "primary_damping=0 N*s/m", "--set", "band=none", *SMALL[:2]]
+    arguments += ["--over", "primary_joint_stiffness=5 MN/m", "--over", "secondary_joint_stiffness=5 MN/m"]
+    assert run(["sweep", "yu-damper-joint", *arguments, "-o", "u.nc"]) == 3
+    data = freqrail.open_result("u.nc")
+    assert np.isnan(data.bogie_acceleration_rms).all()
+    told = lines(capsys)
+    assert len(told) == 2  # one a model
+    assert all("2 undamped" in line and "the first at" in line for line in told)
+
+
+BAD = {
+    "unknown option": (["sweep", "yu-damper-joint", "--sped"], "No such option"),
+    "missing argument": (["sweep"], "Missing argument 'CASE'"),
+    "no such command": (["swep"], "No such command"),
+    "jobs 0": (["sweep", "yu-damper-joint", "--jobs", "0"], "0 is not in the range"),
+    "no equals sign": (["sweep", "yu-damper-joint", "--over", "speed"], "NAME=VALUE"),
+    "unknown name over": (["sweep", "yu-damper-joint", "--over", "sped=1 km/h"], "did you mean speed?"),
+    "unknown name set": (["sweep", "yu-damper-joint", "--set", "bogie_mas=1 kg"], "did you mean bogie_mass?"),
+    "set of a swept name": (["sweep", "yu-damper-joint", "--set", "speed=9 km/h"], '--over "speed=9 km/h"'),
+    "nan": (["sweep", "yu-damper-joint", "--set", "bogie_mass=nan kg"], "not a number"),
+    "unknown response": (
+        ["sweep", "yu-damper-joint", "--responses", "bogie_accel"],
+        "did you mean bogie_acceleration?",
+    ),
+    "twice": (["sweep", "yu-damper-joint", "--over", "speed=1 km/h", "--over", "speed=2 km/h"], "given twice"),
+    "frequency without psd": (["sweep", "yu-damper-joint", "--over", "frequency=1, 2 Hz"], "add --psd"),
+    "missing case": (["sweep", "yu-damper-join"], "did you mean yu-damper-joint?"),
+    "a folder as case": (["sweep", "."], "is a folder"),
+    "a folder as output": (["sweep", "yu-damper-joint", "-o", "."], "is a folder"),
+    "plot format": (["plot", "x.nc", "--format", "gif"], "'gif' is not one of"),
+    "plot of nothing": (["plot", "x.nc"], "no such file"),
+    "plot of text": (["plot", "text.nc"], "is not a NetCDF file"),
+    "plot of an empty file": (["plot", "empty.nc"], "it is empty"),
+    "show of a URL": (["show", "http://localhost/x.nc"], "only local files"),
+    "at of a case": (["show", "yu-damper-joint", "--at", "speed=250 km/h"], "goes with a result"),
+    "cases of no name": (["cases", "yu"], "no shipped case"),
+    "too large for the disk": (
+        ["sweep", "yu-damper-joint", "--over", "speed=lin:1:600:9999999 km/h", "--psd"],
+        "too large for this disk",
+    ),
+    "too many values": (["sweep", "yu-damper-joint", "--over", "speed=lin:1:600:10000001 km/h"], "exceeds the limit"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_usage_is_one_line_and_exit_2_and_touches_no_file(name, here, capsys):
+    (here / "text.nc").write_text("not a NetCDF file\n")
+    (here / "empty.nc").touch()
+    before = {p: p.read_bytes() for p in here.iterdir()}
+    arguments, words = BAD[name]
+    assert run(arguments) == 2
+    told = lines(capsys)
+    assert len(told) == 1, told
+    assert told[0].startswith("freqrail: error: ")
+    assert words in told[0]
+    assert {p: p.read_bytes() for p in here.iterdir() if p.is_file()} == before
+
+
+def test_every_fault_of_a_case_is_told_at_once_a_line_each(here, capsys):
+    text = freqrail.shipped_cases()["yu-damper-joint"]
+    faulty = text.replace('"15200 kg"', "15200").replace("bogie_mass =", "bogie_mas =").replace("km/h", "km")
+    Path("bad.toml").write_text(faulty)
+    assert run(["sweep", "bad.toml"]) == 2
+    told = lines(capsys)
+    assert len(told) >= 5
+    assert all(line.startswith("freqrail: error: bad.toml: [") for line in told)
+
+
+def test_an_existing_file_is_left_alone_without_overwrite(result, capsys):
+    before = result.read_bytes()
+    assert run(["sweep", "yu-damper-joint", *SMALL, "-o", str(result)]) == 2
+    assert "--overwrite" in lines(capsys)[0]
+    assert result.read_bytes() == before
+
+
+def test_the_input_is_never_the_output_also_through_a_link(here, capsys):
+    Path("case.toml").write_text(freqrail.shipped_cases()["yu-damper-joint"])
+    Path("link.nc").symlink_to("case.toml")
+    before = Path("case.toml").read_bytes()
+    for out in ("case.toml", "link.nc"):
+        assert run(["sweep", "case.toml", "-o", out, "--overwrite"]) == 2
+        assert "is the input itself" in lines(capsys)[0]
+    assert Path("case.toml").read_bytes() == before
+
+
+def test_a_missing_output_folder_is_exit_4_before_computing(here, capsys):
+    assert run(["sweep", "yu-damper-joint", "-o", "nowhere/out.nc"]) == 4
+    assert "nowhere: no such folder" in lines(capsys)[0]
+
+
+def test_a_soft_joint_is_warned_of_and_computed(here, capsys):
+    assert run(["sweep", "yu-damper-joint", "--over", "primary_joint_stiffness=5 kN/m", *SMALL[:2]]) == 0
+    assert any(line.startswith("freqrail: warning: ") and "check the unit" in line for line in lines(capsys))
+
+
+def test_control_characters_of_a_title_do_not_reach_the_terminal(here, capsys):
+    assert run(["show", "yu-damper-joint", "--set", "title=a\x1b[31mred"]) == 0
+    out = capsys.readouterr().out
+    assert "\x1b" not in out
+    assert "a\\x1b[31mred" in out
+
+
+def test_show_prints_the_eleven_numbers_of_a_point(result, capsys):
+    assert run(["show", str(result), "--at", "speed=250 km/h, primary_joint_stiffness=5 MN/m", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert len(shown["numbers"]) == 11
+    stored = freqrail.open_result(result)
+    point = {"speed": 250, "primary_joint_stiffness": 5, "secondary_joint_stiffness": 5}
+    assert shown["numbers"][3]["RMS"] == float(stored.bogie_acceleration_rms.sel(**point, bogie="front"))
+    assert shown["numbers"][5]["RMS"] == 1e3 * float(stored.secondary_stroke_rms.sel(**point, bogie="front"))
+
+
+def test_show_off_the_grid_names_the_nearest_point(result, capsys):
+    assert run(["show", str(result), "--at", "speed=240 km/h"]) == 2
+    assert "the nearest value is 250 km/h" in lines(capsys)[0]
+
+
+def test_show_check_tells_a_whole_file_from_a_damaged_one(result, here, capsys):
+    assert run(["show", str(result), "--check"]) == 0
+    damaged = bytearray(result.read_bytes())
+    place = bytes(damaged).find(b"paper")  # inside the stored case text
+    damaged[place] ^= 1
+    Path("damaged.nc").write_bytes(damaged)
+    assert run(["show", "damaged.nc", "--check"]) == 2
+
+
+def test_show_of_a_case_derives_load_and_contact_stiffness(capsys):
+    assert run(["show", "yu-damper-joint", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    derived = {row["derived"]: row["value"] for row in shown["derived"]}
+    assert derived["static wheel load P0"] == pytest.approx((15200 / 4 + 300 + 700) * 9.8)
+    assert derived["contact stiffness K_H (eq. 1)"] == pytest.approx(1.0448e9, rel=1e-4)
+    assert derived["longest wavelength at 250 km/h"] == pytest.approx(250 / 3.6 / 0.1)
+
+
+def test_cases_prints_a_file_that_can_be_swept(here, capsys):
+    assert run(["cases", "yu-damper-joint"]) == 0
+    Path("mine.toml").write_text(capsys.readouterr().out)
+    assert run(["sweep", "mine.toml", *SMALL]) == 0
+    assert Path("results/mine.nc").is_file()
+
+
+def test_plot_draws_files_and_names_the_command_for_spectra(result, here, capsys):
+    assert run(["plot", str(result), "-o", "figures"]) == 0
+    told = capsys.readouterr()
+    paths = told.out.splitlines()
+    assert paths
+    assert all(Path(p).stat().st_size > 10_000 for p in paths)
+    assert "--psd" in told.err
+
+
+def test_help_imports_neither_xarray_nor_matplotlib_nor_scipy():
+    code = (
+        "import sys; from freqrail.cli import run; run(['--help']); "
+        "print([m for m in ('xarray', 'matplotlib', 'scipy', 'pint', 'pydantic') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_version():
+    done = command("--version", cwd=ROOT)
+    assert done.stdout == f"freqrail {freqrail.__version__}\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_a_full_stdout_is_exit_4_without_a_traceback(here):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "freqrail", "cases"], stdout=full, stderr=subprocess.PIPE, text=True, cwd=here
+        )
+    assert done.returncode == 4
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_closed_pipe_is_quiet(here):
+    with subprocess.Popen(
+        [sys.executable, "-m", "freqrail", "cases", "yu-damper-joint"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=here,
+    ) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+
+
+def test_a_grid_beyond_the_memory_is_refused_before_it_is_allocated(here, capsys, monkeypatch):
+    monkeypatch.setattr("os.sysconf", {"SC_PHYS_PAGES": 1, "SC_PAGE_SIZE": 4096}.__getitem__)
+    assert run(["sweep", "yu-damper-joint"]) == 2
+    assert "too large for this machine" in lines(capsys)[0]
