@@ -7,32 +7,37 @@ and bounds come from `freqrail.names`.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import re
 import tomllib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, PlainValidator, ValidationError, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, ValidationError, create_model
 
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import Axis, Quantity, parse_axis, parse_pair, parse_quantity, shown_value
+from freqrail.quantities import Axis, Quantity, given, is_same, nearest, parse_axis, parse_pair, parse_quantity
 from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, Band, RationalSpectrum
 from freqrail.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 
 SCHEMA_VERSION = 1
 SPECTRA = (*GERMAN_ROUGHNESS, "rational")
 CONTACTS = ("contact_constant", "contact_stiffness")
-LARGEST_FILE = 10_000_000  # bytes: a case file has two thousand
+LARGEST_FILE = 1_000_000  # bytes: a case file has two thousand
 SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is probably a slip of the unit
+
+# keys of 50 parts such as a.a.a...: no case has them, and tomllib needs memory by the square of their number
+_ENDLESS_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,11 @@ class Case:
     def speed(self) -> float:
         """The scalar running speed, m/s."""
         return self.quantities["speed"].value
+
+    @property
+    def scalars(self) -> Mapping[str, Quantity]:
+        """The quantities, and the contact stiffness where it follows from the contact constant."""
+        return _scalars(self.quantities)
 
     @property
     def vehicle(self) -> Vehicle:
@@ -122,7 +132,8 @@ def build_case(
 ) -> Case:
     """`load_case` of TOML text; `file` is the name that messages bear.
 
-    stray_points: accept confirm points off the grid, as an axis given by `over` may leave them.
+    stray_points: accept confirm points off the grid, as `settings` and `over` may leave them; confirming
+    them is what fails then.
     """
     tables = _parse_toml(text, file)
     problems: list[str] = []
@@ -131,32 +142,32 @@ def build_case(
         _apply_setting(tables, key, value, problems, origins)
     for key, value in (over or {}).items():
         _apply_axis(tables, key, value, problems, origins)
+
+    def where(*at: str) -> str:
+        """The place that a message names: the option that set a key, or the file's own table and key."""
+        return origins.get(at, f"{file}: [{at[0]}].{at[1]}" if len(at) > 1 else f"{file}: {at[0]}")
+
+    checked = None
     try:
         checked = _model().model_validate(tables)
+        quantities = {k: v for part in (checked.vehicle, checked.operation) for k, v in part if isinstance(v, Quantity)}
+        sweep = {key: getattr(checked.sweep, key) for key in tables.get("sweep", {})}
+        points = dict(enumerate(checked.confirm.points, start=1))
     except ValidationError as fault:
-        problems += [_problem(error, file, origins) for error in fault.errors()]
-        checked = None
-    if checked is None or problems:
-        # what the tables can tell on their own is told even beside other faults
-        problems += _cross_checks(tables, file)
-        raise InputError(*dict.fromkeys(problems))
-    problems += _cross_checks(tables, file)
-    quantities = {
-        key: value
-        for table in (checked.vehicle, checked.operation)
-        for key, value in table
-        if isinstance(value, Quantity)
-    }
-    sweep = {key: getattr(checked.sweep, key) for key in tables.get("sweep", {})}
+        problems += [line for error in fault.errors() for line in _problems(error, file, where)]
+        # what can be read is still checked, so that every fault of a file is told at once
+        quantities = {k: v for t in ("vehicle", "operation") for k, v in _readable(parse_quantity, tables, t).items()}
+        sweep = _readable(parse_axis, tables, "sweep")
+        points = _readable_points(tables, {*_scalars(quantities)} - {*_keys(tables, "sweep")} | {*sweep})
     frequency = sweep.pop("frequency", None)
     axes = tuple(sweep.values())
-    problems += _geometry_problems(quantities, axes, file)
-    points = tuple(checked.confirm.points)
-    if not (over or stray_points):
+    problems += _cross_checks(tables, file, where)
+    problems += _geometry_problems(quantities, axes, where)
+    if not (settings or over or stray_points):
         problems += _point_problems(points, quantities, axes, file)
-    if problems:
-        raise InputError(*problems)
-    _warn_of_soft_joints(quantities, axes, file)
+    if checked is None or problems:
+        raise InputError(*dict.fromkeys(problems))
+    _warn_of_soft_joints(quantities, axes, where)
     return Case(
         name=name,
         title=checked.title,
@@ -166,7 +177,7 @@ def build_case(
         band=_band(checked.band),
         axes=axes,
         frequency=frequency,
-        points=points,
+        points=tuple(points.values()),
         text=text,
         effective=to_toml(tables),
     )
@@ -175,19 +186,21 @@ def build_case(
 def _find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
     """(stem, name for messages, text) of a case file or a shipped case."""
     path = Path(case)
-    given = str(case)
+    wanted = str(case)
     try:
         if path.is_file():
-            return path.stem, given, _read(path)
+            return path.stem, wanted, _read(path)
         exists, folder = path.exists(), path.is_dir()
     except (OSError, ValueError) as fault:
-        raise InputError(f"{given!r}: cannot be opened: {fault}") from None
-    if exists:
-        raise InputError(f"{given}: {'is a folder' if folder else 'is not a regular file'}, a case file is due")
+        words = getattr(fault, "strerror", None) or fault
+        raise InputError(f"{wanted}: cannot be opened: {words}") from None
     shipped = shipped_cases()
-    if given in shipped:
-        return given, given, shipped[given]
-    raise InputError(f"{given}: no such case file, and no shipped case of that name{suggestion(given, shipped)}")
+    if wanted in shipped:
+        return wanted, wanted, shipped[wanted]
+    if exists:
+        kind = "is a folder" if folder else "is not a regular file"
+        raise InputError(f"{wanted or '.'}: {kind}, a case file is due")
+    raise InputError(f"{wanted}: no such case file, and no shipped case of that name{suggestion(wanted, shipped)}")
 
 
 def _read(path: Path) -> str:
@@ -213,6 +226,8 @@ def _read(path: Path) -> str:
 
 
 def _parse_toml(text: str, file: str) -> dict[str, Any]:
+    if _ENDLESS_KEY.search(text):
+        raise InputError(f"{file}: not valid as a case: nested too deeply")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as fault:
@@ -220,7 +235,7 @@ def _parse_toml(text: str, file: str) -> dict[str, Any]:
     except ValueError:
         raise InputError(f"{file}: not valid TOML: a number with too many digits") from None
     except RecursionError:
-        raise InputError(f"{file}: not valid TOML: nested too deeply") from None
+        raise InputError(f"{file}: not valid as a case: nested too deeply") from None
 
 
 # --- settings and axes -----------------------------------------------------------------------------
@@ -245,12 +260,13 @@ def _apply_setting(
 ) -> None:
     label = f"--set {key}"
     if key == "band":
-        if value.strip().lower() != "none":
-            problems.append(f'{label}: only "band=none", or --set "frequency=0.1:100 Hz", will do (got {value!r})')
+        if str(value).strip().lower() != "none":
+            problems.append(f'{label}: only "band=none", or --set "frequency=0.1:100 Hz", will do {given(value)}')
         tables.pop("band", None)
         return
     if key in ("title", "reference"):
         tables[key] = value
+        origins[(key,)] = label
         return
     section, _, name = key.rpartition(".")
     sections = _sections()
@@ -262,7 +278,7 @@ def _apply_setting(
         known = sections.get(section, tuple(n for names in sections.values() for n in names))
         problems.append(f"{label}: unknown name{suggestion(name, known)}")
         return
-    if name in _table(tables, "sweep"):
+    if name in SWEEPABLE and name in _table(tables, "sweep"):
         problems.append(f'{label}: {name} is swept by the case; give it one value with --over "{name}={value}"')
         return
     table = _table(tables, owners[0])
@@ -280,7 +296,7 @@ def _apply_setting(
 def _apply_axis(
     tables: dict[str, Any], key: str, value: str, problems: list[str], origins: dict[tuple[str, ...], str]
 ) -> None:
-    name = key.rpartition(".")[2]
+    name = key.removeprefix("sweep.")
     if name not in (*SWEEPABLE, "frequency"):
         problems.append(f"--over {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
         return
@@ -312,28 +328,49 @@ def _axis_field(name: str) -> Any:
 
 
 def _check_version(value: object) -> int:
-    if isinstance(value, bool) or value != SCHEMA_VERSION:
-        raise ValueError(f"unsupported schema_version: this freqrail reads {SCHEMA_VERSION} (got {value!r})")
+    if type(value) is not int or value != SCHEMA_VERSION:
+        raise ValueError(f"unsupported schema_version: this freqrail reads {SCHEMA_VERSION} {given(value)}")
     return SCHEMA_VERSION
 
 
-def _check_points(value: object) -> list[dict[str, Quantity]]:
+def _check_text(value: str) -> str:
+    """A title or reference that a file can hold; control characters are kept, and escaped when printed."""
+    if "\0" in value or any("\ud800" <= c <= "\udfff" for c in value):
+        raise ValueError(f"holds a NUL or another character that no file can store {given(value)}")
+    return value
+
+
+def _points(value: object) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
+    """({number: point} of the points to confirm that are in order, what is wrong with the others)."""
     if not isinstance(value, list) or not all(isinstance(point, dict) for point in value):
-        raise ValueError(f'a list of points is due, such as [{{ speed = "250 km/h" }}] (got {value!r})')
-    points = []
-    for place, point in enumerate(value):
-        checked = {}
+        return {}, [f'a list of points is due, such as [{{ speed = "250 km/h" }}] {given(value)}']
+    points: dict[int, dict[str, Quantity]] = {}
+    faults: list[str] = []
+    for place, point in enumerate(value, start=1):
+        before = len(faults)
+        points[place] = {}
         for name, text in point.items():
             if name not in SWEEPABLE:
-                raise ValueError(f"point {place + 1}: unknown name {name!r}{suggestion(name, SWEEPABLE)}")
+                faults.append(f"point {place}: unknown name {name!r}{suggestion(name, SWEEPABLE)}")
+                continue
             try:
-                checked[name] = parse_quantity(PARAMETERS[name], text)
+                points[place][name] = parse_quantity(PARAMETERS[name], text)
             except ValueError as fault:
-                raise ValueError(f"point {place + 1}: {name}: {fault}") from None
-        points.append(checked)
-    return points
+                faults.append(f"point {place}: {name}: {fault}")
+        if len(faults) > before:
+            del points[place]
+    return points, faults
 
 
+def _check_points(value: object) -> list[dict[str, Quantity]]:
+    """The points to confirm. Raises ValueError with one argument a fault."""
+    points, faults = _points(value)
+    if faults:
+        raise ValueError(*faults)
+    return list(points.values())
+
+
+@cache
 def _model() -> Any:
     """The pydantic model of a whole case file, its tables built from the table of names."""
 
@@ -370,155 +407,194 @@ def _model() -> Any:
     return table(
         "CaseFile",
         schema_version=(Annotated[int, PlainValidator(_check_version)], ...),
-        title=(str, ""),
-        reference=(str, ""),
+        title=(Annotated[str, AfterValidator(_check_text)], ""),
+        reference=(Annotated[str, AfterValidator(_check_text)], ""),
         **tables,
     )
 
 
-def _problem(error: Any, file: str, origins: dict[tuple[str, ...], str]) -> str:
-    """One line for one of pydantic's errors: where, what is wrong, what was given, what would be right."""
-    where = tuple(str(part) for part in error["loc"])
-    table, key = (f"[{where[0]}]", f".{where[1]}") if len(where) > 1 else ("", where[0])
-    place = origins.get(where[:2], f"{file}: {table}{key}")
+def _problems(error: Any, file: str, where: Callable[..., str]) -> list[str]:
+    """The lines for one of pydantic's errors: where, what is wrong, what was given, what would be right."""
+    at = tuple(str(part) for part in error["loc"])
+    key = at[-1]
+    place = where(*at)
     sections = (*_sections(), "sweep", "confirm")
-    given = error["input"]
-    got = f"(got {_short(given)})"
+    got = given(error["input"])
     kind = error["type"]
-    if kind == "extra_forbidden":
-        if len(where) > 1:
-            known = {**_sections(), "sweep": (*SWEEPABLE, "frequency"), "confirm": ("points",)}[where[0]]
-            return f"{place}: unknown {'axis' if where[0] == 'sweep' else 'key'}{suggestion(where[1], known)}"
-        if isinstance(given, dict):
-            return f"{file}: [{key}]: unknown table{suggestion(key, sections)}"
-        return f"{place}: unknown key{suggestion(key, ('schema_version', 'title', 'reference', *sections))}"
-    if kind == "missing":
-        if key in sections:
-            return f"{file}: [{key}]: this table is missing"
-        example = PARAMETERS[where[1]].example if len(where) > 1 and where[1] in PARAMETERS else ""
-        name = key.removeprefix(".")
-        hint = {"masses": "half", "spectrum": "german-low"}.get(name, example)
-        right = f'{name} = "{hint}"' if hint else f"{name} = {SCHEMA_VERSION}"
-        return f"{place}: missing; write it as in {right}"
     if kind == "value_error":
-        return f"{place}: {error['ctx']['error']}"
-    if kind == "literal_error" and where[-1] == "spectrum":
-        return f"{place}: unknown spectrum{suggestion(str(given), SPECTRA)} {got}"
-    if kind == "literal_error":
-        return f'{place}: must be "half": masses and inertias are half of the whole {got}'
-    if kind in ("model_type", "model_attributes_type"):
-        return f"{file}: [{key}]: must be a table {got}"
-    if kind == "string_type":
-        return f"{place}: text is due {got}"
-    return f"{place}: {error['msg'][0].lower()}{error['msg'][1:]} {got}"
+        return [f"{place}: {fault}" for fault in error["ctx"]["error"].args]
+    if kind == "extra_forbidden" and len(at) > 1:
+        known = {**_sections(), "sweep": (*SWEEPABLE, "frequency"), "confirm": ("points",)}[at[0]]
+        line = f"{place}: unknown {'axis' if at[0] == 'sweep' else 'key'}{suggestion(key, known)}"
+    elif kind == "extra_forbidden" and isinstance(error["input"], dict):
+        line = f"{file}: [{key}]: unknown table{suggestion(key, sections)}"
+    elif kind == "extra_forbidden":
+        line = f"{place}: unknown key{suggestion(key, ('schema_version', 'title', 'reference', *sections))}"
+    elif kind == "missing" and key in sections:
+        line = f"{file}: [{key}]: this table is missing"
+    elif kind == "missing":
+        example = PARAMETERS[key].example if key in PARAMETERS else ""
+        hint = {"masses": "half", "spectrum": "german-low"}.get(key, example)
+        right = f'{key} = "{hint}"' if hint else f"{key} = {SCHEMA_VERSION}"
+        line = f"{place}: missing; write it as in {right}"
+    elif kind == "literal_error" and key == "spectrum":
+        wanted = error["input"] if isinstance(error["input"], str) else ""
+        line = f"{place}: unknown spectrum{suggestion(wanted, SPECTRA)} {got}"
+    elif kind == "literal_error":
+        line = f'{place}: must be "half": masses and inertias are half of the whole {got}'
+    elif kind in ("model_type", "model_attributes_type"):
+        line = f"{file}: [{key}]: must be a table {got}"
+    elif kind == "string_type":
+        line = f"{place}: text is due {got}"
+    else:
+        line = f"{place}: {error['msg'][0].lower()}{error['msg'][1:]} {got}"
+    return [line]
 
 
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def _keys(tables: dict[str, Any], name: str) -> dict[str, Any]:
+    """The keys of a table and what is written there; none if it is no table."""
+    table = tables.get(name)
+    return table if isinstance(table, dict) else {}
 
 
-def _cross_checks(tables: dict[str, Any], file: str) -> list[str]:
+def _readable(parse: Callable[..., Any], tables: dict[str, Any], name: str) -> dict[str, Any]:
+    """What can be read of a table, whatever is wrong with the rest of it."""
+    found = {}
+    for key, text in _keys(tables, name).items():
+        if key in PARAMETERS:
+            with contextlib.suppress(ValueError):  # told already
+                found[key] = parse(PARAMETERS[key], text)
+    return found
+
+
+def _readable_points(tables: dict[str, Any], known: set[str]) -> dict[int, dict[str, Quantity]]:
+    """{number: point} of the points that can be read, without the names that cannot be judged."""
+    points = _points(_keys(tables, "confirm").get("points", []))[0]
+    return {place: {k: q for k, q in point.items() if k in known} for place, point in points.items()}
+
+
+def _cross_checks(tables: dict[str, Any], file: str, where: Callable[..., str]) -> list[str]:
     """Faults between keys that are there or not, whatever their values."""
-
-    def keys(name: str) -> set[str]:
-        table = tables.get(name)
-        return set(table) if isinstance(table, dict) else set()
-
     problems = []
-    contacts = keys("vehicle") & set(CONTACTS)
-    if "vehicle" in tables and len(contacts) != 1:
+    sweep, track, band = (_keys(tables, name) for name in ("sweep", "track", "band"))
+    contacts = set(_keys(tables, "vehicle")) & set(CONTACTS)
+    if isinstance(tables.get("vehicle"), dict) and len(contacts) != 1:
         fault = "both are given" if contacts else "one of the two is missing"
         problems.append(f"{file}: [vehicle].contact_constant, .contact_stiffness: {fault}; give exactly one")
-    if set(CONTACTS) <= keys("sweep"):
+    if set(CONTACTS) <= set(sweep):
         problems.append(f"{file}: [sweep].contact_constant, .contact_stiffness: both are swept; sweep one")
-    if "contact_constant" in keys("sweep") and contacts == {"contact_stiffness"}:
-        problems.append(f"{file}: [sweep].contact_constant: swept, but [vehicle] gives contact_stiffness")
+    if "contact_constant" in sweep and contacts == {"contact_stiffness"}:
+        problems.append(f"{where('sweep', 'contact_constant')}: swept, but [vehicle] gives contact_stiffness")
     rational = {"roughness", "cutoffs"}
-    spectrum = tables["track"].get("spectrum") if isinstance(tables.get("track"), dict) else None
+    spectrum = track.get("spectrum")
     if spectrum == "rational":
         problems += [
-            f'{file}: [track].{key}: missing; spectrum = "rational" needs it'
-            for key in sorted(rational - keys("track"))
+            f'{where("track", key)}: missing; spectrum = "rational" needs it, such as "{PARAMETERS[key].example}"'
+            for key in sorted(rational - set(track))
         ]
-    elif spectrum in GERMAN_ROUGHNESS:
+    elif spectrum in SPECTRA:
         problems += [
-            f'{file}: [track].{key}: belongs to spectrum = "rational" only (spectrum is "{spectrum}")'
-            for key in sorted(rational & keys("track"))
+            f'{where("track", key)}: belongs to spectrum = "rational" only (spectrum is "{spectrum}")'
+            for key in sorted(rational & set(track))
         ]
-    if "band" in tables and isinstance(tables["band"], dict):
-        bands = keys("band") & {"frequency", "wavelength"}
-        if len(bands) == 2:
-            problems.append(f"{file}: [band]: both frequency and wavelength are given; give one")
-        if not tables["band"]:
-            problems.append(f"{file}: [band]: is empty; give frequency or wavelength, or leave the table out")
-    for name in ("frequency", "wavelength"):
-        if name in keys("band"):
-            try:
-                low, high = parse_pair(PARAMETERS[name], tables["band"][name])
-            except ValueError:
-                continue
-            if low.value >= high.value:
-                problems.append(
-                    f"{file}: [band].{name}: the lower limit must be below the upper one "
-                    f'(got "{low.text}" and "{high.text}")'
-                )
+    if {"frequency", "wavelength"} <= set(band):
+        problems.append(f"{file}: [band]: both frequency and wavelength are given; give one")
+    if tables.get("band") == {}:
+        problems.append(f"{file}: [band]: is empty; give frequency or wavelength, or leave the table out")
+    for name, (low, high) in _readable(parse_pair, tables, "band").items():
+        if name in ("frequency", "wavelength") and low.value >= high.value:
+            problems.append(
+                f"{where('band', name)}: the lower limit must be below the upper one "
+                f'(got "{low.text}" and "{high.text}")'
+            )
     return problems
 
 
-def _extremes(name: str, quantities: Mapping[str, Quantity], axes: tuple[Axis, ...]) -> tuple[float, float]:
-    """Smallest and largest value of a quantity on the grid, SI."""
-    for axis in axes:
-        if axis.name == name:
-            return float(axis.si[0]), float(axis.si[-1])
-    return quantities[name].value, quantities[name].value
+def _scalars(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    """The quantities, and the contact stiffness where it follows from the contact constant (eq. 1)."""
+    masses = [quantities.get(f"{body}_mass") for body in ("car_body", "bogie", "wheelset")]
+    constant = quantities.get("contact_constant")
+    if constant is None or None in masses:
+        return dict(quantities)
+    load = static_wheel_load(*(mass.value for mass in masses if mass))
+    stiffness = float(hertzian_contact_stiffness(constant.value, load))
+    return {"contact_stiffness": Quantity(stiffness, f"{stiffness:.10g} N/m"), **quantities}
 
 
-def _geometry_problems(quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], file: str) -> list[str]:
-    spacing = _extremes("half_bogie_spacing", quantities, axes)[0]
-    wheelbase = _extremes("half_wheelbase", quantities, axes)[1]
-    if spacing > wheelbase:
+def _extremes(name: str, quantities: Mapping[str, Quantity], axes: tuple[Axis, ...]) -> tuple[float, float] | None:
+    """Smallest and largest value of a quantity, SI: on the grid, and its scalar; None if it has none."""
+    values = [end for axis in axes if axis.name == name for end in (axis.si[0], axis.si[-1])]
+    values += [quantities[name].value] if name in quantities else []
+    return (float(min(values)), float(max(values))) if values else None
+
+
+def _geometry_problems(
+    quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]
+) -> list[str]:
+    spacing = _extremes("half_bogie_spacing", quantities, axes)
+    wheelbase = _extremes("half_wheelbase", quantities, axes)
+    if spacing is None or wheelbase is None or spacing[0] > wheelbase[1]:
         return []
     return [
-        f"{file}: [vehicle].half_bogie_spacing: must exceed half_wheelbase everywhere on the grid "
-        f"(got {spacing:g} m and {wheelbase:g} m)"
+        f"{where('vehicle', 'half_bogie_spacing')}: must exceed half_wheelbase everywhere on the grid "
+        f"(got {spacing[0]:g} m and {wheelbase[1]:g} m)"
     ]
 
 
+def place_point(
+    point: Mapping[str, Quantity], axes: tuple[Axis, ...], scalars: Mapping[str, Quantity], near: bool = False
+) -> tuple[dict[str, int], dict[str, str]]:
+    """Where a point lies on a grid: ({axis: index}, {name: what is wrong}).
+
+    An axis that the point leaves out takes the case's scalar, or its only value; with `near`, its value nearest
+    to the scalar. A value off the grid and a named quantity that is neither swept nor the case's own are faults.
+    """
+    indices, faults = {}, {}
+    for axis in axes:
+        named = axis.name in point
+        quantity = point[axis.name] if named else scalars.get(axis.name)
+        if quantity is None or (axis.si.size == 1 and not named):
+            indices[axis.name] = 0  # nothing to choose from, or nothing that says what to choose
+            continue
+        at = nearest(axis.si, quantity.value)
+        if is_same(axis.si[at], quantity.value) or (near and not named):
+            indices[axis.name] = at
+            continue
+        source = "" if named else "left out, and the case's own value "
+        value = axis.values[at]
+        best = "inf" if np.isinf(value) else f"{value:.10g} {axis.unit}"
+        faults[axis.name] = f'{source}"{quantity.text}" is off the grid; the nearest value is {best}'
+    for name in set(point) - {axis.name for axis in axes}:
+        own = scalars.get(name)
+        if own is None or not is_same(own.value, point[name].value):
+            has = f"the case has {own.text}" if own else "the case does not give it"
+            faults[name] = f'is not swept, {has} (got "{point[name].text}")'
+    return indices, dict(sorted(faults.items()))
+
+
 def _point_problems(
-    points: tuple[Mapping[str, Quantity], ...],
-    quantities: Mapping[str, Quantity],
-    axes: tuple[Axis, ...],
-    file: str,
+    points: dict[int, dict[str, Quantity]], quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], file: str
 ) -> list[str]:
-    """Confirm points that do not lie on the grid, each with the nearest value that does."""
-    swept = {axis.name: axis for axis in axes}
-    problems = []
-    for place, point in enumerate(points):
-        for name, quantity in point.items():
-            known = (
-                swept[name].si if name in swept else np.array([quantities[name].value] if name in quantities else [])
-            )
-            if known.size and not np.any(np.isclose(known, quantity.value, rtol=1e-9, atol=0)):
-                nearest = float(known[np.argmin(np.abs(np.where(np.isinf(known), 1e300, known) - quantity.value))])
-                problems.append(
-                    f"{file}: [confirm].points: point {place + 1}: {name} is off the grid; "
-                    f'the nearest value is {shown_value(name, nearest)} (got "{quantity.text}")'
-                )
-    return problems
+    return [
+        f"{file}: [confirm].points: point {place}: {name}: {fault}"
+        for place, point in points.items()
+        for name, fault in place_point(point, axes, _scalars(quantities))[1].items()
+    ]
 
 
-def _warn_of_soft_joints(quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], file: str) -> None:
+def _warn_of_soft_joints(quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]) -> None:
     for joint in JOINTS:
         spring = joint.replace("_joint", "")
-        softest, hardest = _extremes(joint, quantities, axes)[0], _extremes(spring, quantities, axes)[1]
-        if softest < SOFT_JOINT * hardest:
-            warnings.warn(
-                f"{file}: [vehicle].{joint}: {softest:g} N/m is {softest / hardest:.1e} of {spring} ({hardest:g} N/m), "
-                f"below {SOFT_JOINT:g}: the damper hardly acts; check the unit",
-                FreqrailWarning,
-                stacklevel=4,
-            )
+        ends, springs = _extremes(joint, quantities, axes), _extremes(spring, quantities, axes)
+        if ends is None or springs is None or ends[0] >= SOFT_JOINT * springs[1]:
+            continue
+        table = "vehicle" if is_same(quantities[joint].value, ends[0]) else "sweep"
+        warnings.warn(
+            f"{where(table, joint)}: {ends[0]:g} N/m is {ends[0] / springs[1]:.1e} of {spring} ({springs[1]:g} N/m), "
+            f"below {SOFT_JOINT:g}: the damper hardly acts; check the unit",
+            FreqrailWarning,
+            stacklevel=4,
+        )
 
 
 def _spectrum(track: Any) -> RationalSpectrum:
@@ -544,7 +620,7 @@ def to_toml(tables: Mapping[str, Any]) -> str:
 
     def value(item: object) -> str:
         if isinstance(item, str):
-            return json.dumps(item, ensure_ascii=True).replace("\x7f", "\\u007f")
+            return json.dumps(item, ensure_ascii=False).replace("\x7f", "\\u007f")
         if isinstance(item, dict):
             return "{ " + ", ".join(f"{k} = {value(v)}" for k, v in item.items()) + " }"
         if isinstance(item, list):

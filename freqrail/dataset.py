@@ -254,8 +254,8 @@ def _arrange(values: NDArray, case: Case, response: Response | None) -> NDArray:
     else:
         values = values[(slice(None),) * (1 + vehicles) + (0,)]
     if response is None or not response.dimension:
-        return np.ascontiguousarray(values[0])
-    return np.ascontiguousarray(np.moveaxis(values, 0, len(swept)))
+        return np.array(values[0])
+    return np.array(np.moveaxis(values, 0, len(swept)))
 
 
 def _flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail import rms
+from freqrail import residues, rms
 from freqrail.response import SERIES, response_psd, wheel_lags
 from freqrail.track import Band, RationalSpectrum, band_limits
 from freqrail.vehicle import CHAINS, Vehicle, chain_system, ladder, poles, state_space
@@ -26,8 +26,8 @@ from freqrail.vehicle import CHAINS, Vehicle, chain_system, ladder, poles, state
 STATUS = ("ok", "unresolved_peak", "undamped", "failed")
 """Meaning of the status values 0, 1, ...; all but the first come with NaN."""
 
-METHOD = ("none", "shared_quadrature", "own_quadrature")
-"""Meaning of the method values: no result, nodes shared by the grid, nodes of the vehicle's own."""
+METHOD = ("none", "closed_form", "shared_quadrature", "own_quadrature")
+"""Meaning of the method values: no result, sum of residues, nodes shared by the grid, nodes of the vehicle's own."""
 
 TOLERANCE = 1e-6
 """Largest error estimate of an RMS value, relative, that is passed on as a result."""
@@ -36,8 +36,12 @@ REFINE_ABOVE = 1e-8  # a shared-node result whose estimate exceeds this is compu
 SHARED_NODES = 6000  # more nodes than this are not worth sharing
 SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
 SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
+CLOSED_FORM_BLOCK = 10_000  # grid points of a block in closed form
 BLOCK = 250_000  # vehicles x nodes held at once: a few MB an array, so that a block stays in the cache
 WHOLE_AXIS_REACH = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
+
+
+Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class Solution:
     method: NDArray[np.int8]
 
 
-def solve(study: Study, jobs: int = 1, progress: Callable[[int], object] = lambda points: None) -> Solution:
+def solve(study: Study, jobs: int = 1, progress: Progress = lambda points: None) -> Solution:
     """RMS of every named response at every grid point, with an error estimate and a status each.
 
     jobs: threads that work on blocks; the result does not depend on it. progress: called with the
@@ -87,7 +91,26 @@ def solve(study: Study, jobs: int = 1, progress: Callable[[int], object] = lambd
         status=np.full(shape, STATUS.index("unresolved_peak"), np.int8),
         method=np.zeros(shape, np.int8),
     )
-    edges = _shared_edges(study)
+    if study.band is None and residues.applies(study.spectrum):
+        _solve_in_closed_form(study, solution, jobs, progress)
+    else:
+        _solve_by_quadrature(study, solution, jobs, progress)
+    _judge(study, solution)
+    return solution
+
+
+def _solve_in_closed_form(study: Study, solution: Solution, jobs: int, progress: Progress) -> None:
+    def part(cell: tuple[slice, ...]) -> None:
+        vehicle = _cut(study.vehicle, cell)
+        block = residues.mean_squares(vehicle, study.names, study.spectrum, study.speed)
+        _store(solution, cell, block, "closed_form")
+        progress(math.prod(vehicle.shape) * study.speed.size)
+
+    _run(part, _cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size), jobs)
+
+
+def _solve_by_quadrature(study: Study, solution: Solution, jobs: int, progress: Progress) -> None:
+    edges, lost = _shared_edges(study)
     own: list[tuple[int, ...]] = []
     if edges is None:
         own = list(np.ndindex(study.vehicle.shape))
@@ -98,7 +121,7 @@ def solve(study: Study, jobs: int = 1, progress: Callable[[int], object] = lambd
 
             def shared(cell: tuple[slice, ...], weights: rms.LagWeights = weights) -> None:
                 part = replace(study, vehicle=_cut(study.vehicle, cell))
-                block = rms.mean_squares(_columns(part.vehicle), study.names, rule.omega, weights)
+                block = rms.mean_squares(part.vehicle.column(), study.names, rule.omega, weights, lost)
                 _store(solution, cell, block, "shared_quadrature")
                 progress(math.prod(part.shape))
 
@@ -113,8 +136,6 @@ def solve(study: Study, jobs: int = 1, progress: Callable[[int], object] = lambd
             progress(study.speed.size)
 
     _run(alone, own, jobs)
-    _judge(study, solution)
-    return solution
 
 
 def psd(
@@ -125,7 +146,7 @@ def psd(
     for _, cells in _blocks(study.vehicle, frequency.size * study.speed.size):
         for cell in cells:
             part = _cut(study.vehicle, cell)
-            column = part.map(lambda field: np.asarray(field)[..., None, None] if np.ndim(field) else field)
+            column = part.column().column()
             for name in study.names:
                 result[name][(slice(None), *cell)] = response_psd(
                     SERIES[name], column, study.spectrum, frequency, study.speed[:, None]
@@ -136,7 +157,7 @@ def psd(
 
 def seconds(study: Study, jobs: int = 1) -> float:
     """Estimated wall time of `solve`, s, from timing the first block of this grid."""
-    edges = _shared_edges(study)
+    edges, _ = _shared_edges(study)
     start = time.perf_counter()
     if edges is None:
         _own_quadrature(study, (0,) * len(study.vehicle.shape))
@@ -146,7 +167,7 @@ def seconds(study: Study, jobs: int = 1) -> float:
     weights = rms.lag_weights(study.vehicle.at(geometry), study.spectrum, rule, study.speed, _limits(study))
     part = _cut(study.vehicle, cells[0])
     start = time.perf_counter()
-    rms.mean_squares(_columns(part), study.names, rule.omega, weights)
+    rms.mean_squares(part.column(), study.names, rule.omega, weights)
     once = time.perf_counter() - start
     return once * math.prod(study.vehicle.shape) / math.prod(part.shape) / jobs
 
@@ -169,19 +190,20 @@ def _first_edges(study: Study, resonances: NDArray[np.complex128]) -> NDArray[np
     return np.unique(band_limits(study.band, study.speed))
 
 
-def _shared_edges(study: Study) -> NDArray[np.float64] | None:
-    """Panel edges that serve every vehicle and speed of the grid, or None if they would be too many."""
+def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """Panel edges that serve the whole grid, or None if they would be too many; and `rms.rounding` per speed."""
     sample = list(_sample(study.vehicle.shape))
     resonances = np.concatenate([poles(study.vehicle.at(index)) for index in sample])
+    resonances = resonances[np.isfinite(resonances)]
     first = _first_edges(study, resonances)
     if len(sample) < math.prod(study.vehicle.shape):
         inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
         if np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
-            return None  # between the vehicles sampled, such a peak could pass through the nodes
+            return None, np.array(np.nan)  # between the vehicles sampled, such a peak could pass through the nodes
     lag = max(float(wheel_lags(study.vehicle.at(index), study.speed.min())[-1]) for index in sample)
     everything = np.concatenate([resonances, _track_poles(study)])
     edges = rms.panel_edges(first, everything, lag)
-    return edges if (edges.size - 1) * 21 <= SHARED_NODES else None
+    return (edges if (edges.size - 1) * 21 <= SHARED_NODES else None), rms.rounding(resonances, _limits(study))
 
 
 def _sample(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
@@ -199,24 +221,35 @@ def _blocks(vehicle: Vehicle, nodes: int) -> Iterator[tuple[tuple[int, ...], lis
     never along speed, so that the matrix product of every row is the same whatever the cut.
     """
     shape = vehicle.shape
-    size = [1 if _varies(vehicle, axis) else n for axis, n in enumerate(shape)]
-    for axis in range(len(shape)):
-        rest = math.prod(size[axis + 1 :])
-        size[axis] = min(size[axis], max(1, BLOCK // (nodes * rest)))
     fixed = [_varies(vehicle, axis) for axis in range(len(shape))]
+    inside = _cells(tuple(1 if f else n for n, f in zip(shape, fixed, strict=True)), BLOCK // nodes)
     for geometry in np.ndindex(*(n if f else 1 for n, f in zip(shape, fixed, strict=True))):
-        starts = [[g] if f else range(0, n, step) for g, f, n, step in zip(geometry, fixed, shape, size, strict=True)]
-        cells = [
-            tuple(slice(s, min(s + step, n)) for s, step, n in zip(corner, size, shape, strict=True))
-            for corner in itertools.product(*starts)
-        ]
-        yield geometry, cells
+        yield (
+            geometry,
+            [
+                tuple(slice(g, g + 1) if f else s for g, f, s in zip(geometry, fixed, cell, strict=True))
+                for cell in inside
+            ],
+        )
+
+
+def _cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
+    """A grid cut into blocks of at most `most` vehicles (but one at least), the leading axes cut first."""
+    size = list(shape)
+    for axis in range(len(shape)):
+        size[axis] = min(size[axis], max(1, most // math.prod(size[axis + 1 :])))
+    starts = [range(0, n, step) for n, step in zip(shape, size, strict=True)]
+    return [
+        tuple(slice(s, min(s + step, n)) for s, step, n in zip(corner, size, shape, strict=True))
+        for corner in itertools.product(*starts)
+    ]
 
 
 def _varies(vehicle: Vehicle, axis: int) -> bool:
     """Whether the lags' geometry changes along a grid axis."""
-    fields = (np.asarray(vehicle.half_bogie_spacing), np.asarray(vehicle.half_wheelbase))
-    return any(f.ndim and f.shape[axis] > 1 for f in fields)
+    behind = len(vehicle.shape) - axis
+    shapes = (np.shape(vehicle.half_bogie_spacing), np.shape(vehicle.half_wheelbase))
+    return any(len(shape) >= behind and shape[-behind] > 1 for shape in shapes)
 
 
 def _cut(vehicle: Vehicle, cell: tuple[slice, ...]) -> Vehicle:
@@ -226,20 +259,21 @@ def _cut(vehicle: Vehicle, cell: tuple[slice, ...]) -> Vehicle:
         array = np.asarray(field)
         if array.ndim == 0:
             return field
+        array = array.reshape((1,) * (len(cell) - array.ndim) + array.shape)
         return array[tuple(s if n > 1 else slice(None) for s, n in zip(cell, array.shape, strict=True))]
 
     return vehicle.map(part)
-
-
-def _columns(vehicle: Vehicle) -> Vehicle:
-    """The grid of vehicles with a last axis for the frequency nodes."""
-    return vehicle.map(lambda field: np.asarray(field)[..., None] if np.ndim(field) else field)
 
 
 def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanSquare]:
     """Mean squares of one vehicle at every speed with nodes placed for it alone, twice as dense."""
     vehicle = study.vehicle.at(index)
     resonances = poles(vehicle)
+    if not np.isfinite(resonances).all():
+        nothing = {
+            k: np.full((len(SERIES[k].positions), *(1,) * len(index), study.speed.size), np.nan) for k in study.names
+        }
+        return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     edges = rms.panel_edges(
         _first_edges(study, resonances),
         np.concatenate([resonances, _track_poles(study)]),
@@ -248,7 +282,7 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
     )
     rule = rms.quadrature(edges)
     weights = rms.lag_weights(vehicle, study.spectrum, rule, study.speed, _limits(study))
-    squares = rms.mean_squares(vehicle, study.names, rule.omega, weights)
+    squares = rms.mean_squares(vehicle, study.names, rule.omega, weights, rms.rounding(resonances, _limits(study)))
     if study.band is None:
         beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}

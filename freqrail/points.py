@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 
-from freqrail.case import Case, build_case
-from freqrail.errors import InputError
+from freqrail.case import Case, build_case, place_point
+from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import Quantity, parse_quantity, unit_factor
+from freqrail.quantities import Axis, Quantity, parse_quantity, unit_factor
 
 Point = Mapping[str, Quantity]
-
-SAME = 1e-9  # relative distance below which a value is taken for the grid's own
 
 
 def parse_point(text: str) -> Point:
@@ -44,8 +43,13 @@ def parse_point(text: str) -> Point:
 
 def result_case(dataset: xr.Dataset) -> Case:
     """The case that a result was computed from, after all its settings and axes."""
-    text, name = str(dataset.attrs["effective_case"]), str(dataset.attrs["case_name"])
-    return build_case(text, name=name, file="the result's case", stray_points=True)
+    try:
+        text, name = str(dataset.attrs["effective_case"]), str(dataset.attrs["case_name"])
+    except KeyError as fault:
+        raise InputError(f"the dataset has no attribute {fault}: a result of freqrail's sweep is due") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FreqrailWarning)  # the sweep has told them
+        return build_case(text, name=name, file="the result's case", stray_points=True)
 
 
 def swept(dataset: xr.Dataset) -> tuple[str, ...]:
@@ -53,18 +57,22 @@ def swept(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(dim) for dim in dataset["status"].dims)
 
 
-def axis_si(dataset: xr.Dataset, name: str) -> np.ndarray:
-    """The values of a swept parameter in SI units: [n]."""
-    attributes = dataset[name].attrs
-    unit = attributes.get("units", attributes.get("user_units"))
-    return dataset[name].values * float(unit_factor(str(unit))[0])
+def grid_axis(dataset: xr.Dataset, name: str) -> Axis:
+    """A swept parameter of a result, its values as the coordinate bears them and in SI units."""
+    unit = _unit(dataset, name)
+    values = dataset[name].values
+    return Axis(name, values, unit, values * float(unit_factor(unit)[0]), "")
 
 
 def axis_label(dataset: xr.Dataset, name: str, index: int) -> str:
     """A grid value in the coordinate's unit, such as "250 km/h"; "rigid" for an infinite joint stiffness."""
     value = float(dataset[name].values[index])
+    return "rigid" if np.isinf(value) else f"{value:g} {_unit(dataset, name)}"
+
+
+def _unit(dataset: xr.Dataset, name: str) -> str:
     attributes = dataset[name].attrs
-    return "rigid" if np.isinf(value) else f"{value:g} {attributes.get('units', attributes.get('user_units'))}"
+    return str(attributes.get("units", attributes.get("user_units")))
 
 
 def locate(dataset: xr.Dataset, point: Point | None = None, nearest: bool = False) -> dict[str, int]:
@@ -74,38 +82,8 @@ def locate(dataset: xr.Dataset, point: Point | None = None, nearest: bool = Fals
     nearest value where `nearest` is set, else it is an error. Raises InputError, with the nearest grid
     value, for a value off the grid and for a named quantity that is neither swept nor the case's own.
     """
-    point = point or {}
-    case = result_case(dataset)
-    axes = swept(dataset)
-    indices, problems = {}, []
-    for name in axes:
-        quantity = point.get(name) or case.quantities.get(name)
-        values = axis_si(dataset, name)
-        if quantity is None or (values.size == 1 and name not in point):
-            indices[name] = 0  # nothing to choose from, or nothing that says what to choose
-            continue
-        at = _closest(values, quantity.value)
-        hit = values[at] == quantity.value or np.isclose(values[at], quantity.value, rtol=SAME, atol=0)
-        if hit or (nearest and name not in point):
-            indices[name] = at
-        else:
-            source = "" if name in point else "the case's own value, used where --at leaves it out, "
-            problems.append(
-                f'--at {name}: {source}"{quantity.text}" is not on the grid; '
-                f"the nearest value is {axis_label(dataset, name, at)}"
-            )
-    for name in set(point) - set(axes):
-        own = case.quantities.get(name)
-        if own is None or not np.isclose(own.value, point[name].value, rtol=SAME, atol=0):
-            has = f"the case has {own.text}" if own else "the case does not give it"
-            problems.append(f'--at {name}: not swept in this result, {has} (got "{point[name].text}")')
-    if problems:
-        raise InputError(*sorted(problems))
+    axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
+    indices, faults = place_point(point or {}, axes, result_case(dataset).scalars, nearest)
+    if faults:
+        raise InputError(*(f"--at {name}: {fault}" for name, fault in faults.items()))
     return indices
-
-
-def _closest(values: np.ndarray, value: float) -> int:
-    if np.isinf(value) or np.any(values == value):
-        return int(np.argmax(values == value)) if np.any(values == value) else int(values.size - 1)
-    with np.errstate(divide="ignore"):
-        return int(np.argmin(np.abs(np.log(values / value))))

@@ -1,9 +1,9 @@
 """Quantities and axes: text such as "875 kN/m" or "100:300:10 km/h" to numbers in SI units.
 
-One regular expression takes the number and pint takes the unit alone, because pint alone reads
-"600,5 kg" as 6005 kg and "2*3 kg" as 6 kg. Numbers stay exact (decimal, then rational) until the
-last step, so that an axis value is the float that the user would type. Every fault is a ValueError
-whose text says what is wrong, what was given and what would be right.
+One regular expression takes the number, another says what may stand as a unit, and pint takes that unit
+alone, because pint alone reads "600,5 kg" as 6005 kg and "2*3 kg" as 6 kg. Numbers stay exact (decimal,
+then rational) until the last step, so that an axis value is the float that the user would type. Every
+fault is a ValueError whose text says what is wrong, what was given and what would be right.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from fractions import Fraction
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,11 +26,23 @@ from freqrail.names import PARAMETERS, Parameter
 LARGEST_AXIS = 10_000_000
 """Most values an axis may have."""
 
+LONGEST_QUANTITY = 100
+"""Most characters of one number with its unit; no true one comes near."""
+
+SAME = 1e-9
+"""Relative distance below which two values are taken for one, such as a point's and the grid's own."""
+
 _NUMBER = re.compile(
-    r"\s*([+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf))(?![\d.])\s*(.*?)\s*", re.ASCII | re.DOTALL
+    r"([+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf(?![A-Za-z])))(?![\d.])[ \t]*(.*)", re.ASCII | re.DOTALL
 )
-_UNIT = re.compile(r"[A-Za-zµμ][A-Za-zµμ0-9 */^().·²³-]*")
-_HOSTILE_UNIT = re.compile(r"\d{3}|[\^*]\s*[\^*(].*[\^]|\*\*")
+# Names to small powers, joined by * / or blanks, with at most one level of parentheses. No bare numbers, so
+# that "m/N^2/3" is not read as m/N^2 divided by 3, and no towers such as m^9^9^9, which would never end.
+_POWER = r"(?:(?:\^|\*\*)(?:-?\d{1,2}|\(-?\d{1,2}(?:/\d{1,2})?\))|⁻?[¹²³])?"
+_FACTOR = rf"[A-Za-zµμ]+{_POWER}"
+_JOINED = r"(?: *[*·./] *| +)"
+_PRODUCT = rf"{_FACTOR}(?:{_JOINED}{_FACTOR})*"
+_UNIT = re.compile(rf"(?:{_FACTOR}|\({_PRODUCT}\))(?:{_JOINED}(?:{_FACTOR}|\({_PRODUCT}\)))*")
+_AMBIGUOUS = re.compile(r"\btons?\b")  # 907 kg to pint, 1000 kg to most of those who type it
 
 
 @dataclass(frozen=True)
@@ -56,8 +68,16 @@ class Axis:
     text: str
 
 
-Formed = Callable[[Fraction], NDArray[np.float64]]
-"""The values of an axis once the ratio of units is known."""
+def given(value: object) -> str:
+    """What the user gave, short enough for a message: (got "5 kN*s/m") or (got 5)."""
+    try:
+        text = f'"{value}"' if isinstance(value, str) and value.isprintable() else repr(value)
+    except (ValueError, RecursionError):  # an integer of 5000 digits, tables nested 3000 deep
+        text = f"a very large {type(value).__name__}"
+    return f"(got {text})" if len(text) <= 80 else f"(got {text[:60]}... of {len(text)} characters)"
+
+
+# --- units and numbers -----------------------------------------------------------------------------
 
 
 @functools.cache
@@ -69,73 +89,91 @@ def _registry() -> Any:
 
 @functools.cache
 def unit_factor(unit: str) -> tuple[Fraction, Any]:
-    """(exact factor from `unit` to SI, its dimensions). Raises ValueError for an unknown unit."""
-    if not _UNIT.fullmatch(unit) or _HOSTILE_UNIT.search(unit) or len(unit) > 40:
+    """(exact factor from `unit` to SI, its SI base units). Raises ValueError for an unknown unit.
+
+    The radian counts as a base unit, so that "rad/s" is not taken for Hz, nor "1/m" for "rad/m".
+    """
+    if len(unit) > LONGEST_QUANTITY or not _UNIT.fullmatch(unit):
         raise ValueError(f"not a unit: {unit!r}")
+    if _AMBIGUOUS.search(unit):
+        raise ValueError('"ton" means 907 kg here and 1000 kg there, write "t" (1000 kg) or "kg"')
     try:
         registry = _registry()
-        parsed = registry.parse_units(unit)
-        factor, _ = registry.get_base_units(parsed)
-        # a root such as N^(2/3) leaves a float with a rounding error in its last digits
-        return Fraction(f"{factor:.14g}" if isinstance(factor, float) else factor), parsed.dimensionality
+        one = registry.Quantity(Fraction(1), registry.parse_units(unit)).to_base_units()
     except Exception as fault:  # pint raises a dozen kinds, some from its tokenizer
         raise ValueError(f"unknown unit {unit!r}") from fault
+    # a root such as N^(2/3) is a float with a rounding error in its last digits
+    rounded = any(Fraction(power).denominator != 1 for _, power in one.unit_items())
+    return Fraction(f"{float(one.magnitude):.14g}" if rounded else one.magnitude), one.units
 
 
-def split_number(text: str, example: str) -> tuple[Decimal, str]:
-    """The number at the head of `text`, exactly, and the rest. Raises ValueError if there is none."""
-    match = _NUMBER.fullmatch(text)
-    if re.match(r"\s*[+-]?\d*,\d", text):
-        raise ValueError(f'a decimal comma: write a point, as in "{example}" (got "{text}")')
+def split_number(text: str, example: str, got: str) -> tuple[Decimal, str]:
+    """The number at the head of `text`, exactly, and the rest. Raises ValueError if there is none.
+
+    example and got: for messages, a right spelling and the whole of what the user gave, as `given` puts it.
+    """
+    body = text.strip()
+    if len(body) > LONGEST_QUANTITY:
+        raise ValueError(f'too long for a number with a unit such as "{example}" {got}')
+    if re.match(r"[+-]?\d*,\d", body):
+        raise ValueError(f'a decimal comma: write a point, as in "{example}" {got}')
+    if re.match(r"[+-]?nan\b", body, re.IGNORECASE):
+        raise ValueError(f'nan is not a number, write one as in "{example}" {got}')
+    match = _NUMBER.fullmatch(body)
     if not match:
-        raise ValueError(f'not a number with a unit such as "{example}" (got "{text}")')
-    number = Decimal(match[1])
-    if number.is_finite() and (math.isinf(float(number)) or (number != 0 and float(number) == 0)):
-        raise ValueError(f'a number beyond what double precision holds (got "{text}")')
+        raise ValueError(f'not a number with a unit such as "{example}" {got}')
+    try:
+        number = Decimal(match[1])
+    except InvalidOperation:  # an exponent of more than 18 digits
+        raise ValueError(f"a number beyond what double precision holds {got}") from None
+    if number == 0:
+        return Decimal(0), match[2]  # 0e999999999 is zero too, but as a fraction it would fill the memory
+    if number.is_finite() and not sys.float_info.min <= number.copy_abs() <= sys.float_info.max:
+        raise ValueError(f"a number beyond what double precision holds {got}")
     return number, match[2]
 
 
-def _float(exact: Any) -> float:
-    """A rational or infinite number as the nearest float; inf where it is too large for one."""
-    try:
-        return float(exact)
-    except OverflowError:
-        return math.inf if exact > 0 else -math.inf
+def _float(exact: Fraction, got: str) -> float:
+    """A rational as the nearest float; refused where a float cannot come near, so that none turns inf or 0."""
+    if exact != 0 and not sys.float_info.min <= abs(exact) <= sys.float_info.max:
+        raise ValueError(f"a number beyond what double precision holds {got}")
+    return float(exact)
 
 
-def _exact(number: Decimal) -> Any:
-    return float(number) if number.is_infinite() else Fraction(number)
-
-
-def _factor(parameter: Parameter, unit: str, text: str) -> Fraction:
+def _factor(parameter: Parameter, unit: str, got: str) -> Fraction:
     """Exact factor of the user's unit, after checking that it is there and of the right dimension."""
     if not unit:
-        raise ValueError(f'a unit is missing: write it as in "{parameter.example}" (got "{text}")')
+        raise ValueError(f'a unit is missing: write it as in "{parameter.example}" {got}')
     try:
         factor, dimension = unit_factor(unit)
     except ValueError as fault:
-        raise ValueError(f'{fault}: a {parameter.kind} such as "{parameter.example}" is due (got "{text}")') from None
+        raise ValueError(f'{fault}: a {parameter.kind} such as "{parameter.example}" is due {got}') from None
     if dimension != unit_factor(parameter.unit)[1]:
         raise ValueError(
-            f"wrong dimension: a {parameter.kind} in {parameter.unit}, such as "
-            f'"{parameter.example}", is due (got "{text}")'
+            f'wrong dimension: a {parameter.kind} in {parameter.unit}, such as "{parameter.example}", is due {got}'
         )
     return factor
 
 
-def _check(parameter: Parameter, number: Decimal, value: float, text: str) -> None:
+def _check(parameter: Parameter, value: float, got: str) -> None:
     """Raise ValueError if a value is outside the parameter's bounds."""
-    if math.isinf(value) and parameter.infinite and value > 0:
-        return
     if math.isinf(value):
-        raise ValueError(f'{"inf is not allowed here" if number.is_infinite() else "too large"} (got "{text}")')
+        if parameter.infinite and value > 0:
+            return
+        raise ValueError(f"inf is not allowed here {got}")
     low = value <= parameter.lower if parameter.above else value < parameter.lower
     if low:
         bound = f"greater than {parameter.lower:g}" if parameter.above else f"at least {parameter.lower:g}"
         rigid = ', or "inf" for a rigid joint' if parameter.infinite else ""
-        raise ValueError(f'must be {bound} {parameter.unit}{rigid} (got "{text}")')
+        raise ValueError(f"must be {bound} {parameter.unit}{rigid} {got}")
     if value > parameter.upper * (1 + 1e-12):
-        raise ValueError(f'{parameter.hint or f"must be at most {parameter.upper:g} {parameter.unit}"} (got "{text}")')
+        raise ValueError(f"{parameter.hint or f'must be at most {parameter.upper:g} {parameter.unit}'} {got}")
+
+
+# --- single quantities and pairs -------------------------------------------------------------------
+
+
+_KINDS = {int: "a bare number", float: "a bare number", bool: "a boolean", list: "a list", dict: "a table"}
 
 
 def parse_quantity(parameter: Parameter, text: object) -> Quantity:
@@ -144,34 +182,56 @@ def parse_quantity(parameter: Parameter, text: object) -> Quantity:
     Raises ValueError, with the right spelling, for a bare number, a decimal comma, a missing,
     unknown or wrong unit, nan, or a value outside the parameter's bounds (see `names.Parameter`).
     """
-    if isinstance(text, bool) or not isinstance(text, str):
-        kind = "a bare number" if isinstance(text, int | float) and not isinstance(text, bool) else type(text).__name__
-        raise ValueError(f'text with a unit is due, such as "{parameter.example}", not {kind} (got {text!r})')
-    if text.strip().lower() in ("nan", "+nan", "-nan") or text.strip().lower().startswith("nan "):
-        raise ValueError(f'not a number (got "{text}")')
-    number, unit = split_number(text, parameter.example)
-    rigid = number.is_infinite() and not unit and parameter.infinite
-    factor = Fraction(1) if rigid else _factor(parameter, unit, text)
-    value = _float(_exact(number) * factor)
-    _check(parameter, number, value, text)
+    got = given(text)
+    if not isinstance(text, str):
+        kind = _KINDS.get(type(text), f"a {type(text).__name__}")
+        raise ValueError(f'text with a unit is due, such as "{parameter.example}", not {kind} {got}')
+    number, unit = split_number(text, parameter.example, got)
+    if number.is_infinite():
+        value = float(number)
+        if unit:  # "inf" needs none
+            _factor(parameter, unit, got)
+    else:
+        value = _float(Fraction(number) * _factor(parameter, unit, got), got)
+    _check(parameter, value, got)
     return Quantity(value, text.strip())
 
 
 def parse_pair(parameter: Parameter, value: object) -> tuple[Quantity, Quantity]:
     """Two quantities, ["0.1 Hz", "100 Hz"] or, as on a command line, "0.1:100 Hz" or "0.1 Hz, 100 Hz"."""
-    parts: list[object]
+    parts: list[object] = value if isinstance(value, list) else [value]
     if isinstance(value, str):
-        sides = re.split(r"[:,]", value)
-        if len(sides) == 2 and _NUMBER.fullmatch(sides[0]) and not split_number(sides[0], "")[1]:
-            unit = split_number(sides[1], f"{sides[0]}:{parameter.example}")[1]
-            sides[0] = f"{sides[0]} {unit}"
-        parts = list(sides)
-    else:
-        parts = value if isinstance(value, list) else [value]
+        # a unit serves both sides of a colon only: "1,5 Hz" may well be one number
+        sides = value.split(":") if ":" in value else value.split(",")
+        if ":" in value and len(sides) == 2 and not split_number(sides[0], parameter.example, given(value))[1]:
+            sides[0] = f"{sides[0]} {split_number(sides[1], parameter.example, given(value))[1]}"
+        parts = [*sides]
     if len(parts) != 2:
-        raise ValueError(f'two quantities are due, such as ["{parameter.example}", "..."] (got {value!r})')
+        raise ValueError(f'two quantities are due, such as ["{parameter.example}", "..."] {given(value)}')
     first, second = (parse_quantity(parameter, part) for part in parts)
     return first, second
+
+
+# --- axes ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Values:
+    """The finite values of an axis in the user's unit, exactly: numerators over one denominator."""
+
+    numerators: Sequence[int]
+    denominator: int
+
+    def times(self, ratio: Fraction, got: str) -> NDArray[np.float64]:
+        """The values times `ratio`, each rounded once: Python divides integers to the nearest float."""
+        scale = ratio / self.denominator
+        p, q = scale.numerator, scale.denominator
+        for end in (self.numerators[0], self.numerators[-1]):
+            _float(Fraction(end) * scale, got)
+        try:
+            return np.fromiter((n * p / q for n in self.numerators), float, len(self.numerators))
+        except OverflowError:  # inside a list that does not increase
+            raise ValueError(f"a number beyond what double precision holds {got}") from None
 
 
 def parse_axis(parameter: Parameter, text: object) -> Axis:
@@ -180,38 +240,51 @@ def parse_axis(parameter: Parameter, text: object) -> Axis:
     STOP is included; a STOP off the step is an error. Values are formed exactly and rounded once, in
     the coordinate's unit (`Parameter.shown_unit`, or the unit the user wrote). Raises ValueError.
     """
-    example = f'"{_axis_example(parameter)}"'
+    example = _axis_example(parameter)
+    got = given(text)
     if not isinstance(text, str):
-        raise ValueError(f"an axis is text such as {example} (got {text!r})")
+        raise ValueError(f'an axis is text such as "{example}" {got}')
     body = text.strip()
     spacing = body[:3] if body[:4] in ("lin:", "log:") else ""
-    parts = re.split(r"[:]" if ":" in body else r"[,]", body[4:] if spacing else body)
+    parts = body[4:].split(":") if spacing else body.split(":" if ":" in body else ",")
     if ":" in body and len(parts) != 3:
         form = f"{spacing}:START:STOP:COUNT UNIT" if spacing else "START:STOP:STEP UNIT"
-        raise ValueError(f'an axis of the form "{form}" has three numbers, such as {example} (got "{text}")')
+        raise ValueError(f'an axis of the form "{form}" has three numbers, such as "{example}" {got}')
+    if len(parts) > LARGEST_AXIS:
+        raise _too_many(Decimal(len(parts)), got)
+    if re.search(r"\d,\d", body) and re.search(r"\d,[ \t]", body):  # "0,5, 1 MN/m" would be 0, 5 and 1
+        raise ValueError(f"a decimal comma? write a point, or a blank after every comma {got}")
     numbers = []
+    unit = ""
     for place, part in enumerate(parts):
-        number, unit = split_number(part, _axis_example(parameter))
+        number, unit = split_number(part, example, got)
         if unit and place < len(parts) - 1:
-            raise ValueError(f'one unit, at the end, such as {example} (got "{text}")')
+            raise ValueError(f'one unit, at the end, such as "{example}" {got}')
         numbers.append(number)
-    if not unit and not (number.is_infinite() and parameter.infinite and len(numbers) == 1):
-        raise ValueError(f'a unit is missing at the end: write it as in {example} (got "{text}")')
+    rigid = numbers[-1] == Decimal("inf") and ":" not in body
+    finite = numbers[:-1] if rigid else numbers
+    if not all(n.is_finite() for n in finite):
+        raise ValueError(f"inf can only end a list of values {got}")
+    if not unit and finite:
+        raise ValueError(f'a unit is missing at the end: write it as in "{example}" {got}')
     unit = unit or parameter.unit
-    factor = _factor(parameter, unit, text)
+    factor = _factor(parameter, unit, got)
     shown = parameter.shown_unit or unit
     if spacing:
-        formed = _spaced(spacing, numbers, text)
+        exact = _spaced(spacing, numbers, got)
     elif ":" in body:
-        formed = _stepped(numbers, text)
+        exact = _stepped(numbers, got)
     else:
-        formed = partial(_listed, numbers)
-    values, si = formed(factor / unit_factor(shown)[0]), formed(factor)
-    if np.any(np.diff(values) <= 0):
-        at = int(np.argmax(np.diff(values) <= 0))
-        raise ValueError(f'values must strictly increase, {values[at + 1]:g} follows {values[at]:g} (got "{text}")')
-    for value in (si[0], si[-1], *si[np.isinf(si)]):
-        _check(parameter, Decimal(float(value)), float(value), text)
+        exact = _exactly([Fraction(n) for n in finite])
+    end = [math.inf] if rigid else []
+    ratios = (factor / unit_factor(shown)[0], factor)
+    values, si = (np.append(exact.times(r, got) if finite else np.empty(0), end) for r in ratios)
+    for array in (values, si):
+        if np.any(array[1:] <= array[:-1]):
+            at = int(np.argmax(array[1:] <= array[:-1]))
+            raise ValueError(f"values must strictly increase, {values[at + 1]:g} follows {values[at]:g} {got}")
+    _check(parameter, float(si[0]), got)
+    _check(parameter, float(si[-1]), got)
     return Axis(parameter.name, values, shown, si, body)
 
 
@@ -221,64 +294,74 @@ def _axis_example(parameter: Parameter) -> str:
     )
 
 
-def _listed(numbers: list[Decimal], ratio: Fraction) -> NDArray[np.float64]:
-    return np.array([_float(_exact(n) * ratio) for n in numbers])
+def _too_many(count: Decimal, got: str) -> ValueError:
+    size = f"{count:.3g}" if count > 1e15 else int(count)
+    return ValueError(f"an axis of {size} values exceeds the limit of {LARGEST_AXIS} {got}")
 
 
-def _arithmetic(start: Fraction, step: Fraction, count: int, ratio: Fraction) -> NDArray[np.float64]:
-    """start + i step for i < count, times `ratio`, each value exact and rounded once."""
-    first, by = start * ratio, step * ratio
-    common = math.lcm(first.denominator, by.denominator)
-    a, b = int(first * common), int(by * common)
-    if max(abs(a) + abs(b) * count, common) < 2**53:  # integers that doubles hold: one correctly rounded division
-        return (a + b * np.arange(count)) / common
-    return np.array([_float(first + by * i) for i in range(count)])
+def _exactly(values: list[Fraction]) -> _Values:
+    common = math.lcm(*(v.denominator for v in values))
+    return _Values([v.numerator * (common // v.denominator) for v in values], common)
 
 
-def _geometric(start: Fraction, stop: Fraction, count: int, ratio: Fraction) -> NDArray[np.float64]:
-    """Log-spaced values, the ends exact and the rest rounded to 12 digits, times `ratio`."""
-    values = np.geomspace(float(start), float(stop), count)
-    digits = 10.0 ** (11 - np.floor(np.log10(values)))
-    values = np.round(values * digits) / digits * float(ratio)
-    values[[0, -1]] = _float(start * ratio), _float(stop * ratio)
-    return values
+def _progression(start: Fraction, step: Fraction, count: int) -> _Values:
+    common = math.lcm(start.denominator, step.denominator)
+    first, by = int(start * common), int(step * common)
+    return _Values(range(first, first + by * count, by) if count > 1 else [first], common)
 
 
-def _stepped(numbers: list[Decimal], text: str) -> Formed:
-    if not all(n.is_finite() for n in numbers):
-        raise ValueError(f'inf can only end a list of values (got "{text}")')
-    start, stop, step = (Fraction(n) for n in numbers)
-    if step == 0 or (step < 0 and stop > start):
-        raise ValueError(f'STEP must be positive (got "{text}")')
+def _stepped(numbers: list[Decimal], got: str) -> _Values:
+    start, stop, step = map(Fraction, numbers)
     if start > stop:
-        raise ValueError(f'START must not exceed STOP (got "{text}")')
+        raise ValueError(f"START must not exceed STOP {got}")
+    if step <= 0:
+        raise ValueError(f"STEP must be positive {got}")
     steps = (stop - start) / step
-    if steps < 0:
-        raise ValueError(f'STEP must be positive (got "{text}")')
     if steps >= LARGEST_AXIS:
-        raise ValueError(f'an axis of {float(steps) + 1:.3g} values exceeds the limit of {LARGEST_AXIS} (got "{text}")')
+        raise _too_many(Decimal(math.floor(steps)) + 1, got)
     if steps.denominator != 1:
         last = start + step * math.floor(steps)
-        raise ValueError(f'STOP lies off the step: the last value would be {float(last):g} (got "{text}")')
-    return partial(_arithmetic, start, step, int(steps) + 1)
+        raise ValueError(f"STOP lies off the step: the last value would be {float(last):g} {got}")
+    return _progression(start, step, int(steps) + 1)
 
 
-def _spaced(spacing: str, numbers: list[Decimal], text: str) -> Formed:
-    if not all(n.is_finite() for n in numbers):
-        raise ValueError(f'inf can only end a list of values (got "{text}")')
+def _spaced(spacing: str, numbers: list[Decimal], got: str) -> _Values:
     start, stop = Fraction(numbers[0]), Fraction(numbers[1])
     if numbers[2] != numbers[2].to_integral_value() or numbers[2] < 1:
-        raise ValueError(f'COUNT must be a whole number, at least 1 (got "{text}")')
+        raise ValueError(f"COUNT must be a whole number, at least 1 {got}")
     if numbers[2] > LARGEST_AXIS:
-        raise ValueError(f'an axis of {numbers[2]} values exceeds the limit of {LARGEST_AXIS} (got "{text}")')
+        raise _too_many(numbers[2], got)
     count = int(numbers[2])
     if start > stop or (start == stop) != (count == 1):
-        raise ValueError(f'START must be less than STOP, and equal to it with COUNT 1 only (got "{text}")')
-    if spacing == "log":
-        if start <= 0:
-            raise ValueError(f'a log axis starts above 0 (got "{text}")')
-        return partial(_geometric, start, stop, count)
-    return partial(_arithmetic, start, (stop - start) / max(1, count - 1), count)
+        raise ValueError(f"START must be less than STOP, and equal to it with COUNT 1 only {got}")
+    if spacing == "lin":
+        return _progression(start, (stop - start) / max(1, count - 1), count)
+    if start <= 0:
+        raise ValueError(f"a log axis starts above 0 {got}")
+    # the ends are the user's own, the values between them are rounded to 12 digits so that they can be typed
+    inner = np.geomspace(float(start), float(stop), count)[1:-1]
+    places = max(0, 12 - numbers[0].adjusted(), *(-int(n.as_tuple().exponent) for n in numbers[:2]))
+    shifted = (int(Decimal(f"{v:.12g}").scaleb(places)) for v in inner)
+    ends = [int(n * 10**places) for n in (start, stop)]
+    return _Values([ends[0], *shifted, *ends[1 : min(count, 2)]], 10**places)
+
+
+# --- values of an axis -----------------------------------------------------------------------------
+
+
+def is_same(a: float, b: float) -> bool:
+    """Whether two values, both in SI units, are one but for rounding."""
+    return math.isclose(a, b, rel_tol=SAME)
+
+
+def nearest(values: NDArray[np.float64], value: float) -> int:
+    """Index of the value nearest to `value`, by ratio; inf is nearest to the largest."""
+    if math.isinf(value):
+        return int(values.size - 1)
+    if value == 0 or np.any(values == value):
+        return int(np.argmin(np.abs(values - value)))
+    with np.errstate(divide="ignore"):
+        return int(np.argmin(np.abs(np.log(values / value))))
 
 
 def shown_value(name: str, value: float) -> str:

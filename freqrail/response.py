@@ -33,6 +33,7 @@ from freqrail.track import RationalSpectrum, frequency_psd
 from freqrail.vehicle import CHAINS, System, Vehicle, ladder, leg_dynamic_stiffness, stiffness_matrices
 
 Number = Any
+Product = tuple[Number, Number]  # real and imaginary part
 
 LAG_COLUMNS = 7
 """Number of real functions of the wheel lags that any |T|^2 is a sum of."""
@@ -92,8 +93,16 @@ def chain_response(vehicle: Vehicle, chain: str, omega: NDArray) -> ChainRespons
     track (eqs. 3 to 7 in the coordinates of `ladder`). Strokes come from forces, never from the
     difference of nearly equal displacements, so they keep their digits at low frequency.
     """
-    s = 1j * np.asarray(omega)
-    inertial = np.square(omega)  # -s^2
+    track, ratios = descend(vehicle, chain, 1j * np.asarray(omega), -np.square(omega))
+    return ChainResponse(1.0 / track, ratios)
+
+
+def descend(vehicle: Vehicle, chain: str, s: Number, s2: Number) -> tuple[Number, dict[str, Number]]:
+    """Down a chain from a unit displacement of its top body, at any complex s [rad/s]; `s2` is s^2.
+
+    Returns (the track's displacement, -; the ratios of `ChainResponse`). The track's displacement is zero at the
+    chain's poles. s^2 is an argument of its own because on the imaginary axis it is real.
+    """
     masses, legs = ladder(vehicle, chain)
     bodies = ("car", "bogie", "wheelset")[-len(masses) :]
     stages = ("secondary", "primary")[-len(legs) :]
@@ -103,12 +112,12 @@ def chain_response(vehicle: Vehicle, chain: str, omega: NDArray) -> ChainRespons
     force: Number = 0.0
     for k, body in enumerate(bodies):
         ratios[body] = x
-        force = force + masses[k] * inertial * x
+        force = force - masses[k] * s2 * x
         elongation = force / stiffnesses[k]
         if k < len(stages):
             ratios[stages[k]] = elongation
         x = x - elongation
-    return ChainResponse(1.0 / x, ratios)
+    return x, ratios
 
 
 def chain_responses(vehicle: Vehicle, omega: NDArray) -> dict[str, ChainResponse]:
@@ -122,33 +131,56 @@ def _scale(series: Series, vehicle: Vehicle, omega: NDArray) -> Number:
     return -factor / getattr(vehicle, series.arm) if series.arm else factor
 
 
+def top_products(chains: dict[str, ChainResponse]) -> dict[tuple[str, str], Product]:
+    """Products X Y* of the chains' top displacements, for all that `column_powers` needs, (m/m)^2."""
+    pairs = [(chain, chain) for chain in CHAINS] + [
+        ("bounce", "pitch"),
+        ("bounce", "bogie_pitch"),
+        ("pitch", "bogie_pitch"),
+    ]
+    return {(x, y): _times_conjugate(chains[x].top, chains[y].top) for x, y in pairs}
+
+
 def column_powers(
-    series: Series, vehicle: Vehicle, omega: NDArray, chains: dict[str, ChainResponse]
+    series: Series,
+    vehicle: Vehicle,
+    omega: NDArray,
+    chains: dict[str, ChainResponse],
+    products: dict[tuple[str, str], Product],
 ) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """The powers of a series: (column of `lag_columns`, real array [grid..., n]), one after the other.
 
     |T|^2 at a position is the sum over the columns of `column_signs` x power x lag column; in
     (m/s^2)^2/m^2, (rad/s^2)^2/m^2 or m^2/m^2. No speed enters. `chains` is `chain_responses` of
-    the same vehicle and omega.
+    the same vehicle and omega, `products` their `top_products`.
     """
     scale = np.square(_scale(series, vehicle, omega))
-    ratio = {c: chains[c].ratios[series.quantity] for c in series.chains}
-    diagonal = {"bounce": 0, "pitch": 1, "bogie_pitch": 3}
-    for chain in series.chains:
-        top = chains[chain].top
-        yield diagonal[chain], scale * _modulus2(ratio[chain]) * _modulus2(top)
+    ratio = {chain: chains[chain].ratios[series.quantity] for chain in series.chains}
 
-    def cross(first: str, second: str) -> NDArray[np.complex128]:
-        ratios = scale * ratio[first] * np.conj(ratio[second])
-        return ratios * (chains[first].top * np.conj(chains[second].top))
+    def power(x: str, y: str) -> Product:
+        """X Y* of the series, real and imaginary part."""
+        head, tail = products[x, y]
+        real, imaginary = _times_conjugate(ratio[x], ratio[y])
+        real, imaginary = scale * real, scale * imaginary
+        return real * head - imaginary * tail, real * tail + imaginary * head
 
+    for chain, column in (("bounce", 0), ("pitch", 1), ("bogie_pitch", 3)):
+        if chain in series.chains:
+            yield column, scale * _modulus2(ratio[chain]) * products[chain, chain][0]
     if "bounce" in series.chains and "pitch" in series.chains:
-        yield 2, cross("bounce", "pitch").imag
+        yield 2, power("bounce", "pitch")[1]
     if len(series.chains) == 3:
-        bounce, pitch = cross("bounce", "bogie_pitch"), cross("pitch", "bogie_pitch")
-        yield 4, bounce.imag
-        yield 5, pitch.imag
-        yield 6, pitch.real - bounce.real
+        bounce, pitch = power("bounce", "bogie_pitch"), power("pitch", "bogie_pitch")
+        yield 4, bounce[1]
+        yield 5, pitch[1]
+        yield 6, pitch[0] - bounce[0]
+
+
+def _times_conjugate(x: Number, y: Number) -> Product:
+    """Real and imaginary part of x y*, in real arithmetic: numpy may swap the factors of a complex product,
+    and with them the last bit, as the size of the arrays suits it."""
+    a, b, c, d = np.real(x), np.imag(x), np.real(y), np.imag(y)
+    return a * c + b * d, b * c - a * d
 
 
 def _modulus2(z: Number) -> Number:

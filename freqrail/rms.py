@@ -16,7 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.response import LAG_COLUMNS, SERIES, chain_responses, column_powers, column_signs, lag_columns
+from freqrail.response import (
+    LAG_COLUMNS,
+    SERIES,
+    chain_responses,
+    column_powers,
+    column_signs,
+    lag_columns,
+    top_products,
+)
 from freqrail.track import RationalSpectrum, angular_psd
 from freqrail.vehicle import Vehicle
 
@@ -63,6 +71,8 @@ _GAUSS_W = (
 POLE_REACH = 3.0
 PHASE_REACH = 14.0
 NARROWEST = 1e-13  # panels are not halved below this fraction of their frequency: rounding begins there
+
+TILE = 16  # rows of every matrix product
 
 ROUNDING = 1e-13
 """Relative floor of every error estimate: what summing a few thousand products in double precision loses."""
@@ -156,19 +166,25 @@ def lag_weights(
 
 
 def mean_squares(
-    vehicle: Vehicle, names: tuple[str, ...], omega: NDArray[np.float64], weights: LagWeights
+    vehicle: Vehicle,
+    names: tuple[str, ...],
+    omega: NDArray[np.float64],
+    weights: LagWeights,
+    lost: NDArray[np.float64] | float = ROUNDING,
 ) -> dict[str, MeanSquare]:
     """Mean squares of the named responses (keys of `SERIES`) for a grid of vehicles.
 
     vehicle: fields that broadcast to [grid..., 1]; one geometry. omega: [n] in rad/s, of the rule that
-    made `weights`. Returns {name: MeanSquare}, [positions, grid..., speeds].
+    made `weights`. lost: see `rounding`. Returns {name: MeanSquare}, [positions, grid..., speeds].
 
     The error estimate is QUADPACK's: with d the difference of the two rules relative to the value,
     min(d, (200 d)^1.5). d sums the differences of the lag columns without their signs, so that
     they cannot cancel.
     """
     chains = chain_responses(vehicle, omega)
+    products = top_products(chains)
     n, g = omega.size, weights.gauss.shape[1]
+    product = _product if vehicle.shape else np.matmul  # a single vehicle is never part of a block
     grid = vehicle.shape[:-1]
     result = {}
     for name in names:
@@ -176,18 +192,43 @@ def mean_squares(
         signs = np.array([column_signs(position) for position in series.positions])
         shape = (len(series.positions), *grid, weights.kronrod.shape[2])
         value, difference = np.zeros(shape), np.zeros(shape)
-        for column, power in column_powers(series, vehicle, omega, chains):
+        for column, power in column_powers(series, vehicle, omega, chains, products):
             power = np.broadcast_to(power, (*grid, n)).reshape(-1, n)
-            total = power @ weights.kronrod[column]
-            apart = np.abs(total - power[:, :g] @ weights.gauss[column])
+            total = product(power, weights.kronrod[column])
+            apart = np.abs(total - product(power[:, :g], weights.gauss[column]))
             for p, sign in enumerate(signs[:, column]):
                 if sign:
                     value[p] += (sign * total).reshape(shape[1:])
                     difference[p] += apart.reshape(shape[1:])
         with np.errstate(invalid="ignore", divide="ignore"):
             d = difference / np.abs(value)
-        result[name] = MeanSquare(value, np.abs(value) * (np.minimum(d, (200 * d) ** 1.5) + ROUNDING))
+        result[name] = MeanSquare(value, np.abs(value) * (np.minimum(d, (200 * d) ** 1.5) + lost))
     return result
+
+
+def _product(power: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """power [vehicles, n] @ weight [n, speeds], the bits of a row the same whatever the number of rows.
+
+    BLAS picks its order of summation by the shape of the product, so all products of a grid have TILE rows.
+    """
+    rows, n = power.shape
+    tiles = -(-rows // TILE)
+    padded = np.zeros((tiles * TILE, n))
+    padded[:rows] = power
+    return (padded.reshape(tiles, TILE, n) @ weight).reshape(tiles * TILE, -1)[:rows]
+
+
+def rounding(poles: NDArray[np.complex128], limits: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles`, rad/s.
+
+    Near a resonance the response is a difference of large numbers: rounding over the damping ratio, twice for
+    the square.
+    """
+    frequency = np.abs(poles.imag)[:, None]
+    inside = (frequency >= limits[0]) & (frequency <= limits[1]) & (frequency > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sharpness = np.where(inside, np.abs(poles / poles.real)[:, None], 0.0)
+    return ROUNDING + 2 * np.finfo(float).eps * np.max(sharpness, axis=0, initial=0.0)
 
 
 def truncation_bound(

@@ -67,6 +67,10 @@ class Vehicle:
         """The vehicle with `function` applied to every field."""
         return Vehicle(**{f.name: function(getattr(self, f.name)) for f in fields(self)})
 
+    def column(self) -> Vehicle:
+        """The grid of vehicles with one more, last axis, along which frequencies or poles can broadcast."""
+        return self.map(lambda field: np.asarray(field)[..., None] if np.ndim(field) else field)
+
     def at(self, index: tuple[int, ...]) -> Vehicle:
         """The single vehicle at `index` of the grid `shape`, fields as floats."""
         return self.map(lambda field: float(np.broadcast_to(field, self.shape)[index]))
@@ -287,6 +291,10 @@ def poles(vehicle: Vehicle) -> NDArray[np.complex128]:
     """Poles of a single vehicle, rad/s: those of its three chains, the bogie-pitch pair once.
 
     The chains' blocks are small and well separated, so that the repeated front and rear
-    bogie-pitch poles of the 26-state matrix do not disturb each other.
+    bogie-pitch poles of the 26-state matrix do not disturb each other. NaN where the numbers overflow.
     """
-    return np.concatenate([np.linalg.eigvals(state_space(chain_system(vehicle, c)).a) for c in CHAINS])
+    with np.errstate(all="ignore"):
+        matrices = [state_space(chain_system(vehicle, chain)).a for chain in CHAINS]
+    return np.concatenate(
+        [np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(len(a), np.nan) for a in matrices]
+    ).astype(complex)

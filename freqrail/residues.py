@@ -1,0 +1,385 @@
+"""Mean squares over the whole frequency axis in closed form, for a rational track spectrum.
+
+With X and Y two of a response's chains, J_XY(d) = integral over all omega of X(i w) Y(-i w) G(w) e^{i w d}
+for a lag d >= 0 closes in the left half plane:
+
+    J_XY(d) = 2 pi sum over the poles p of X and of G of Res[X(s) Y(-s) G(s) e^{s d}].
+
+The poles of a vehicle do not depend on the speed, those of the spectrum, -v Omega_r and -v Omega_c, give
+e^{-Omega D} with the wheels' distance D: one eigenproblem a vehicle serves every speed, and no frequency
+grid and no truncation enter. Each lag column of `freqrail.response` is a sum of cosines or sines of the
+lags, hence of J's.
+
+Where two poles of a chain merge (critical damping) or a vehicle's pole meets one of the spectrum's, the
+residues of the two grow without bound and cancel, though their sum is smooth. There the value is
+interpolated from vehicles with slightly more and less damping (`_by_interpolation`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.response import SERIES, Series, column_signs, descend
+from freqrail.rms import MeanSquare
+from freqrail.track import RationalSpectrum
+from freqrail.vehicle import CHAINS, Vehicle, ladder, leg_dynamic_stiffness
+
+Number = Any
+
+# Lags of the columns: 0, 2 L_t, 2 L_c, 2 (L_c + L_t), 2 (L_c - L_t), over v. With a = omega L_t/v, b = omega L_c/v:
+# cos^2 a cos^2 b = (1 + cos 2a)(1 + cos 2b)/4 and so on. Rows: `lag_columns`, as sums of cosines (columns 0,
+# 1, 3, 6) or of sines (2, 4, 5) of these lags.
+LAG_SUMS = np.array(
+    [
+        [1 / 4, 1 / 4, 1 / 4, 1 / 8, 1 / 8],
+        [1 / 4, 1 / 4, -1 / 4, -1 / 8, -1 / 8],
+        [0, 0, 1 / 2, 1 / 4, 1 / 4],
+        [1 / 2, -1 / 2, 0, 0, 0],
+        [0, 1 / 2, 0, 1 / 4, -1 / 4],
+        [0, 1 / 2, 0, -1 / 4, 1 / 4],
+        [0, 0, 0, -1 / 4, 1 / 4],
+    ]
+)
+
+# What each column multiplies, as products X(s) Y(-s): cos-type X Y* real parts, sin-type imaginary parts, by
+# integral Re(XY*) cos = (J_XY + J_YX)/2 and integral Im(XY*) sin = (J_YX - J_XY)/2.
+B, P, Q = CHAINS
+PRODUCTS: tuple[tuple[tuple[str, str, float], ...], ...] = (
+    ((B, B, 1.0),),
+    ((P, P, 1.0),),
+    ((B, P, -0.5), (P, B, 0.5)),
+    ((Q, Q, 1.0),),
+    ((B, Q, -0.5), (Q, B, 0.5)),
+    ((P, Q, -0.5), (Q, P, 0.5)),
+    ((P, Q, 0.5), (Q, P, 0.5), (B, Q, -0.5), (Q, B, -0.5)),
+)
+
+FAR = 1e6
+"""Poles beyond this, rad/s, are left out: they hold less than 1e-12 of any response (G falls like s^-4)."""
+
+MERGING = 0.03  # poles of a chain closer than this, relatively, are taken for merging
+MEETING = 1e-3  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
+LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
+SPREAD, SUPPORT = 0.12, 12  # half-width (relative, of the dampings) and number of the interpolation's nodes
+
+LOSS = 5e-12  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
+EPSILON = np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class Modal:
+    """A chain as partial fractions: element X(s) = sum of residue_k / (s - pole_k), m per metre of track.
+
+    poles: [grid..., n] rad/s, all of them. residues: {element: [grid..., n]}, zero for the poles of states
+    that are missing or beyond `FAR`. upper: [grid..., k], indices of the poles with Im >= 0, which stand for
+    their conjugates too. weight: [grid..., k], 2 for those with a conjugate, 1 for real ones, 0 where a vehicle
+    has fewer than k.
+    """
+
+    poles: NDArray[np.complex128]
+    residues: dict[str, NDArray[np.complex128]]
+    upper: NDArray[np.intp]
+    weight: NDArray[np.float64]
+
+    def take(self, values: NDArray) -> NDArray:
+        """The entries of values [grid..., n] that belong to the upper poles: [grid..., k]."""
+        return np.take_along_axis(values, self.upper, axis=-1)
+
+
+def chain_poles(vehicle: Vehicle, chain: str) -> NDArray[np.complex128]:
+    """Poles of a chain for a grid of vehicles, rad/s: [grid..., n], those of missing states at -inf."""
+    masses, legs = ladder(vehicle, chain)
+    shape = np.broadcast_shapes(*(np.shape(x) for x in (*masses, *(v for leg in legs for v in leg))))
+    shape = np.broadcast_shapes(shape, np.shape(vehicle.contact_stiffness))
+    n = len(masses)
+    a = np.zeros((*shape, 3 * n - 1, 3 * n - 1))
+    a[..., range(2 * n - 1, 3 * n - 1), range(n)] = 1.0
+    inverse = [1.0 / np.asarray(m) for m in masses]
+
+    def couple(force: Number, column: int, upper: int) -> None:
+        """A force of the leg below body `upper`, proportional to the state `column`."""
+        a[..., upper, column] -= force * inverse[upper]
+        a[..., upper + 1, column] += force * inverse[upper + 1]
+
+    for j, (spring, damping, joint) in enumerate(legs):
+        kappa = np.asarray(joint) / 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.where(np.asarray(damping) > 0, kappa / damping, np.inf)
+        elastic = rate < FAR
+        rate, kappa = np.where(elastic, rate, 0.0), np.where(elastic, kappa, 0.0)
+        rigid = np.where(elastic, 0.0, damping)
+        above, below, delta = 2 * n - 1 + j, 2 * n + j, n + j
+        couple(spring + kappa, above, j)
+        couple(-(spring + kappa), below, j)
+        couple(-kappa, delta, j)
+        couple(rigid, j, j)
+        couple(-rigid, j + 1, j)
+        a[..., delta, above], a[..., delta, below] = rate, -rate
+        a[..., delta, delta] = np.where(elastic, -rate, -2 * FAR)
+    a[..., n - 1, -1] -= vehicle.contact_stiffness * inverse[-1]
+    finite = np.asarray(np.isfinite(a).all(axis=(-2, -1)))
+    return np.where(finite[..., None], np.linalg.eigvals(np.where(finite[..., None, None], a, 0.0)), np.nan)
+
+
+def modal(vehicle: Vehicle, chain: str) -> Modal:
+    """Partial fractions of a chain for a grid of vehicles, the poles polished to full precision.
+
+    At a pole the displacements x and elongations e of the free oscillation give the derivative of the track's
+    displacement, V'(p) = (sum of 2 p m x^2 + sum of e^2 D'(p)) / (K_H x_w), D' = c/(1 + c p/kappa)^2; the residue
+    of an element is its ratio over V'. Newton steps with it polish the eigenvalues. Of a lightly damped pole the
+    real part, which decides the height of its peak, comes from the energy its dampers take without
+    cancellation: Re p = - sum of c |e|^2/|1 + c p/kappa|^2 / (2 sum of m |x|^2).
+    """
+    poles = chain_poles(vehicle, chain)
+    column = vehicle.column()
+    near = np.abs(poles) < FAR
+    p = np.where(near, poles, -1.0)
+    for _ in range(3):
+        value, slope, _ratios, _light = _at_pole(column, chain, p)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = value / slope
+        p = np.where(near & ~_beyond(column, p) & (np.abs(step) < 1e-3 * np.abs(p)), p - step, p)
+    _, _, _, dissipated = _at_pole(column, chain, p)
+    light = near & (np.abs(p.real) < LIGHT * np.abs(p))
+    p = np.where(light, dissipated + 1j * p.imag, p)
+    _, slope, ratios, _ = _at_pole(column, chain, p)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        residues = {name: np.where(near, ratio / slope, 0.0) for name, ratio in ratios.items()}
+    weight = np.where(p.imag > 0, 2.0, np.where(p.imag < 0, 0.0, 1.0)) * near
+    order = np.argsort(-weight, axis=-1, kind="stable")[..., : int(np.max(np.sum(weight > 0, axis=-1)))]
+    return Modal(p, residues, order, np.take_along_axis(weight, order, axis=-1))
+
+
+def _at_pole(
+    vehicle: Vehicle, chain: str, p: NDArray[np.complex128]
+) -> tuple[NDArray, NDArray, dict[str, Number], NDArray]:
+    """(V(p), V'(p), ratios, real part of p by dissipation) near a pole p of a chain, see `modal`."""
+    value, ratios = descend(vehicle, chain, p, p * p)
+    masses, legs = ladder(vehicle, chain)
+    bodies = ("car", "bogie", "wheelset")[-len(masses) :]
+    stages = ("secondary", "primary")[-len(legs) :]
+    # Far beyond the wheelset's resonance it hardly moves, and as the end of the way down it would be a difference of
+    # large numbers: there its displacement follows from the bogie's by its own equation of motion.
+    up = ratios["bogie"] / (
+        1.0 + (masses[-1] * p * p + vehicle.contact_stiffness) / leg_dynamic_stiffness(*legs[-1], p)
+    )
+    beyond = _beyond(vehicle, p)
+    ratios["wheelset"] = np.where(beyond, up, ratios["wheelset"])
+    ratios["primary"] = np.where(beyond, ratios["bogie"] - up, ratios["primary"])
+    bend = sum(2 * p * m * np.square(ratios[b]) for m, b in zip(masses, bodies, strict=True))
+    kinetic = sum(2 * m * np.abs(ratios[b]) ** 2 for m, b in zip(masses, bodies, strict=True))
+    taken: Number = 0.0
+    for (_, damping, joint), stage in zip(legs, stages, strict=True):
+        yielding = 1.0 + p * damping * (2.0 / joint)
+        bend = bend + damping * np.square(ratios[stage] / yielding)
+        taken = taken + damping * np.abs(ratios[stage] / yielding) ** 2
+    return value, bend / (vehicle.contact_stiffness * ratios["wheelset"]), ratios, -taken / kinetic
+
+
+def _beyond(vehicle: Vehicle, p: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    return np.abs(p) ** 2 > 10 * vehicle.contact_stiffness / vehicle.wheelset_mass
+
+
+def _mirrored(chain: Modal, element: str, p: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Y(-p) of a chain's element at poles p [grid..., k]: by partial fractions, which near the mirror image of a
+    lightly damped pole see the true distance p + pole and no difference of large numbers."""
+    return -np.sum(chain.residues[element][..., None, :] / (p[..., None] + chain.poles[..., None, :]), axis=-1)
+
+
+# --- sums of residues ------------------------------------------------------------------------------
+
+
+def applies(spectrum: RationalSpectrum) -> bool:
+    """Whether a spectrum's poles are simple, which the closed form takes for granted."""
+    low, high = spectrum.cutoffs
+    return abs(low - high) > 1e-3 * (low + high)
+
+
+def mean_squares(
+    vehicle: Vehicle, names: tuple[str, ...], spectrum: RationalSpectrum, speed: NDArray[np.float64]
+) -> dict[str, MeanSquare]:
+    """Mean squares over the whole axis of the named responses, for a grid of vehicles and every speed.
+
+    vehicle: fields that broadcast to [grid...]; speed: [m] in m/s. Returns {name: MeanSquare}, each
+    [positions, grid..., speeds]. The error estimate counts what the terms lose when they cancel. Every pole must
+    be damped; the two cutoffs of the spectrum must differ.
+    """
+    if vehicle.shape == ():
+        single = mean_squares(vehicle.map(lambda field: np.reshape(field, 1)), names, spectrum, speed)
+        return {name: MeanSquare(square.value[:, 0], square.error[:, 0]) for name, square in single.items()}
+    with np.errstate(all="ignore"):  # an undamped or overflowing vehicle gives inf or nan, which the caller judges
+        return _mean_squares(vehicle, names, spectrum, speed)
+
+
+def _mean_squares(
+    vehicle: Vehicle, names: tuple[str, ...], spectrum: RationalSpectrum, speed: NDArray[np.float64]
+) -> dict[str, MeanSquare]:
+    squares, singular = _sum_of_residues(vehicle, names, spectrum, speed)
+    rows = np.argwhere(singular.any(axis=-1))
+    if rows.size:
+        # vehicles in the neighbourhood: the dampings of all dampers scaled by factors around 1
+        offsets = SPREAD * np.cos(np.pi * (np.arange(SUPPORT) + 0.5) / SUPPORT)
+        weight = np.array([np.prod([z / (z - x) for z in offsets if z != x]) for x in offsets])
+        near = _gather(vehicle, rows)
+        near = replace(
+            near,
+            primary_damping=near.primary_damping * (1 + offsets),
+            secondary_damping=near.secondary_damping * (1 + offsets),
+        )
+        around, _ = _sum_of_residues(near, names, spectrum, speed)
+        where = singular[tuple(rows.T)]
+        for name, square in around.items():
+            value = np.einsum("prks,k->prs", square.value, weight)
+            error = np.einsum("prks,k->prs", square.error, np.abs(weight))
+            for target, new in ((squares[name].value, value), (squares[name].error, error)):
+                part = target[(slice(None), *rows.T)]
+                target[(slice(None), *rows.T)] = np.where(where, new, part)
+    return squares
+
+
+def _gather(vehicle: Vehicle, rows: NDArray[np.intp]) -> Vehicle:
+    """The vehicles at the grid indices `rows` [r, axes], fields [r, 1]."""
+    shape = vehicle.shape
+    return vehicle.map(lambda field: np.broadcast_to(field, shape)[tuple(rows.T)].reshape(-1, 1))
+
+
+def _sum_of_residues(
+    vehicle: Vehicle, names: tuple[str, ...], spectrum: RationalSpectrum, speed: NDArray[np.float64]
+) -> tuple[dict[str, MeanSquare], NDArray[np.bool_]]:
+    """The plain formula, and where [grid..., speeds] merging or meeting poles spoil it."""
+    chains = {chain: modal(vehicle, chain) for chain in CHAINS}
+    distances = _lag_distances(vehicle)
+    waves = {name: _waves(chain, distances, spectrum, speed) for name, chain in chains.items()}
+    track = _track_elements(vehicle, spectrum, speed)
+    shape = (*vehicle.shape, speed.size)
+    loss = _loss(chains)
+    result = {}
+    for name in names:
+        series = SERIES[name]
+        columns = [c for c, terms in enumerate(PRODUCTS) if all({x, y} <= set(series.chains) for x, y, _ in terms)]
+        lags = LAG_SUMS[columns]
+        value: Number = np.zeros((len(columns), speed.size))
+        size: Number = np.zeros((len(columns), speed.size))
+        for x in series.chains:
+            weight = _weights(chains, x, series, columns)[..., None] * lags[:, None, :]
+            weight = weight.reshape(*weight.shape[:-2], -1)
+            value = value + weight.real @ waves[x].real - weight.imag @ waves[x].imag
+            size = size + np.abs(weight) @ np.abs(waves[x])
+        for residue, decay, elements in zip(
+            _track_residues(spectrum), _track_waves(distances, spectrum), track, strict=True
+        ):
+            powers = [_track_power(elements, series, PRODUCTS[c]) for c in columns]
+            power = np.stack(np.broadcast_arrays(*powers), axis=-2)
+            extra = residue * np.sum(lags * decay[..., None, :], axis=-1)[..., None] * power
+            value, size = value + extra, size + np.abs(extra)
+        arm = np.asarray(getattr(vehicle, series.arm) if series.arm else 1.0)[..., None, None]
+        signs = np.array([column_signs(position) for position in series.positions])[:, columns]
+        total = np.moveaxis(np.pi * signs @ (value / arm**2), -2, 0)
+        error = np.moveaxis(np.pi * np.abs(signs) @ (size * loss / arm**2), -2, 0)
+        filled = np.zeros((len(signs), *shape))
+        result[name] = MeanSquare(
+            filled + total.reshape(len(signs), *(1,) * (filled.ndim - total.ndim), *total.shape[1:]),
+            filled + error.reshape(len(signs), *(1,) * (filled.ndim - error.ndim), *error.shape[1:]),
+        )
+    return result, np.broadcast_to(_singular(chains, spectrum, speed), shape)
+
+
+def _loss(chains: dict[str, Modal]) -> NDArray[np.float64]:
+    """Relative error that rounding leaves in the residues, [grid..., 1, 1].
+
+    A peak's height goes with the distance of a pole from another's mirror image. For the wheelsets' modes, which
+    differ little from chain to chain, that is about twice the real part, while the imaginary parts are only known
+    to a rounding error.
+    """
+    sharpness: Any = 0.0
+    for chain in chains.values():
+        p = chain.take(chain.poles)
+        with np.errstate(divide="ignore"):
+            sharp = np.where(chain.weight > 0, np.abs(p) / np.abs(2 * p.real), 0.0)
+        sharpness = np.maximum(sharpness, sharp.max(axis=-1))
+    return (LOSS + 4 * EPSILON * sharpness)[..., None, None]
+
+
+def _lag_distances(vehicle: Vehicle) -> NDArray[np.float64]:
+    """Distances between wheels that the columns' lags come from, m: [grid..., 5], see `LAG_SUMS`."""
+    a, b = 2 * np.asarray(vehicle.half_wheelbase), 2 * np.asarray(vehicle.half_bogie_spacing)
+    return np.stack(np.broadcast_arrays(0 * a, a, b, b + a, b - a), axis=-1)
+
+
+def _waves(
+    chain: Modal, distances: NDArray, spectrum: RationalSpectrum, speed: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """G(p) e^{p d} of a chain's upper poles p and the lags d at every speed: [grid..., k x 5, speeds]."""
+    p = chain.take(chain.poles)[..., None, None]
+    low, high = (np.square(speed * cutoff) for cutoff in spectrum.cutoffs)
+    # S_v(omega/v)/v with omega^2 = -s^2 (eq. 11)
+    density = spectrum.roughness * spectrum.cutoffs[1] ** 2 * speed**3 / ((low - p * p) * (high - p * p))
+    lagged = np.exp(p * (distances[..., None, :, None] / speed)) * density
+    return lagged.reshape(*lagged.shape[:-3], -1, speed.size)
+
+
+def _weights(chains: dict[str, Modal], x: str, series: Series, columns: list[int]) -> NDArray[np.complex128]:
+    """Coefficients of chain x's poles in each column: [grid..., columns, k]."""
+    chain, element = chains[x], series.quantity
+    p = chain.take(chain.poles)
+    head = chain.weight * chain.take(chain.residues[element]) * p ** (2 * series.derivative)
+    mirrored = {y: head * _mirrored(chains[y], element, p) for y in series.chains}
+    rows = [sum((f * mirrored[y] for a, y, f in PRODUCTS[c] if a == x), start=np.zeros_like(head)) for c in columns]
+    return np.stack(np.broadcast_arrays(*rows), axis=-2)
+
+
+def _track_residues(spectrum: RationalSpectrum) -> tuple[float, float]:
+    """Residues of G at its poles -v Omega_r and -v Omega_c, m^2: the speed cancels."""
+    low, high = spectrum.cutoffs
+    scale = spectrum.roughness * high**2 / (high**2 - low**2) / 2
+    return scale / low, -scale / high
+
+
+def _track_waves(distances: NDArray, spectrum: RationalSpectrum) -> tuple[NDArray, NDArray]:
+    """e^{q d} = e^{-Omega D} at the two poles q = -v Omega of the spectrum: [grid..., 5] each."""
+    low, high = spectrum.cutoffs
+    return np.exp(-low * distances), np.exp(-high * distances)
+
+
+def _track_elements(
+    vehicle: Vehicle, spectrum: RationalSpectrum, speed: NDArray[np.float64]
+) -> list[tuple[NDArray, dict[tuple[str, int], dict[str, Number]]]]:
+    """For each pole q = -v Omega of the spectrum: q [speeds] and {(chain, sign): elements at sign q}."""
+    column = vehicle.column()
+    result = []
+    for cutoff in spectrum.cutoffs:
+        q = -cutoff * speed
+        elements = {}
+        for chain in CHAINS:
+            for sign in (1, -1):
+                track, ratios = descend(column, chain, sign * q, q * q)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    elements[chain, sign] = {name: ratio / track for name, ratio in ratios.items()}
+        result.append((q, elements))
+    return result
+
+
+def _track_power(track: Any, series: Series, terms: tuple[tuple[str, str, float], ...]) -> NDArray[np.float64]:
+    """Sum of factor X(q) Y(-q) with the responses' powers of s: [grid..., speeds]."""
+    q, elements = track
+    element = series.quantity
+    products = sum(f * elements[x, 1][element] * elements[y, -1][element] for x, y, f in terms)
+    return np.asarray(products * q ** (2 * series.derivative))
+
+
+def _singular(chains: dict[str, Modal], spectrum: RationalSpectrum, speed: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where the plain formula loses its digits: [grid..., speeds]."""
+    result: Any = np.zeros(speed.size, dtype=bool)
+    for chain in chains.values():
+        p = np.where(np.any([r != 0 for r in chain.residues.values()], axis=0), chain.poles, np.nan)
+        gaps = np.abs(p[..., :, None] - p[..., None, :])
+        gaps = np.where(np.eye(p.shape[-1], dtype=bool), np.nan, gaps)
+        merging = np.any(gaps < MERGING * np.abs(p[..., None]), axis=(-2, -1))
+        distance = [np.abs(p[..., None] + cutoff * speed) for cutoff in spectrum.cutoffs]
+        meeting = np.any([d < MEETING * np.abs(p[..., None]) for d in distance], axis=(0, -2))
+        result = result | merging[..., None] | meeting
+    return result

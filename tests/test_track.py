@@ -1,0 +1,131 @@
+"""Track irregularity: what the spectra of section V say about the height of the rails."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from freqrail.track import (
+    Band,
+    RationalSpectrum,
+    angular_psd,
+    band_limits,
+    frequency_psd,
+    standard_deviation,
+    wavenumber_psd,
+)
+
+GENERAL = RationalSpectrum("rational", 2.5e-6, (0.13, 3.1))
+
+
+def integral(spectrum: RationalSpectrum, lower: float, upper: float) -> float:
+    """Variance between two wavenumbers, by adaptive quadrature over log wavenumber of eq. (11) written out."""
+    omega_r, omega_c = spectrum.cutoffs
+
+    def integrand(log: float) -> float:
+        w = np.exp(log)
+        return w * spectrum.roughness * omega_c**2 / ((w**2 + omega_r**2) * (w**2 + omega_c**2))
+
+    return quad(integrand, np.log(lower), np.log(upper), epsrel=1e-12, epsabs=0, limit=400)[0]
+
+
+def test_equation_11_with_the_papers_numbers(german_low):
+    a, omega_r, omega_c = 4.032e-7, 0.0206, 0.8246
+    for wavenumber in (0.001, 0.0206, 0.3, 0.8246, 10.0):
+        expected = a * omega_c**2 / ((wavenumber**2 + omega_r**2) * (wavenumber**2 + omega_c**2))
+        assert wavenumber_psd(german_low, wavenumber) == pytest.approx(expected, rel=1e-14)
+
+
+def test_the_papers_case_runs_on_the_low_german_track(paper_case, german_low):
+    assert paper_case.spectrum == german_low
+
+
+@pytest.mark.parametrize(
+    ("track", "wavelengths", "millimetres", "digits"),
+    [
+        ("german_low", (0.0, np.inf), 5.4768, 1e-4),
+        ("german_low", (3.0, 25.0), 0.984, 1e-3),
+        ("german_high", (3.0, 25.0), 1.611, 1e-3),
+    ],
+)
+def test_standard_deviations_the_design_states(request, track, wavelengths, millimetres, digits):
+    spectrum = request.getfixturevalue(track)
+    assert 1e3 * standard_deviation(spectrum, wavelengths) == pytest.approx(millimetres, abs=digits / 2)
+
+
+@pytest.mark.parametrize("spectrum", [RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246)), GENERAL])
+@pytest.mark.parametrize("wavelengths", [(3.0, 25.0), (1.0, 200.0), (25.0, 70.0), (0.5, 1000.0)])
+def test_closed_form_is_the_integral_over_the_band(spectrum, wavelengths):
+    expected = np.sqrt(integral(spectrum, 2 * np.pi / wavelengths[1], 2 * np.pi / wavelengths[0]))
+    assert standard_deviation(spectrum, wavelengths) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("spectrum", [RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246)), GENERAL])
+def test_variance_is_the_integral_from_zero_not_from_minus_infinity(spectrum):
+    """One-sided: integral of S_v from 0 to infinity = pi A Omega_c / (2 Omega_r (Omega_r + Omega_c))."""
+    omega_r, omega_c = spectrum.cutoffs
+    variance = np.pi * spectrum.roughness * omega_c / (2 * omega_r * (omega_r + omega_c))
+    assert standard_deviation(spectrum) ** 2 == pytest.approx(variance, rel=1e-13)
+    assert integral(spectrum, 1e-9, 1e9) == pytest.approx(variance, rel=1e-6)
+
+
+def test_a_track_built_of_harmonics_has_the_standard_deviation(german_low):
+    """Amplitudes sqrt(2 G df) with one-sided per-Hz G make a track whose height scatters by sigma (section 5)."""
+    speed, samples, period = 60.0, 2**16, 400.0
+    frequency = np.arange(samples // 2 + 1) / period
+    inside = (frequency > speed / 25) & (frequency < speed / 3)
+    amplitude = np.zeros(frequency.size)
+    amplitude[inside] = np.sqrt(2 * frequency_psd(german_low, frequency[inside], speed) / period)
+    phase = np.random.default_rng(3).uniform(0, 2 * np.pi, frequency.size)
+    height = np.fft.irfft(samples / 2 * amplitude * np.exp(1j * phase), samples)
+    assert np.std(height) == pytest.approx(standard_deviation(german_low, (3, 25)), rel=1e-3)
+
+
+@pytest.mark.parametrize("speed", [5.0, 250 / 3.6, 160.0])
+@pytest.mark.parametrize("wavelengths", [(3.0, 25.0), (1.0, 200.0)])
+def test_variance_does_not_depend_on_how_fast_the_track_is_run_over(german_low, speed, wavelengths):
+    """The same wavelengths, per Hz and per rad/s, at any speed: the same height variance."""
+    variance = standard_deviation(german_low, wavelengths) ** 2
+    low, high = speed / wavelengths[1], speed / wavelengths[0]
+    per_hz = quad(lambda f: frequency_psd(german_low, f, speed), low, high, epsrel=1e-11, epsabs=0, limit=200)[0]
+    per_rad = quad(
+        lambda w: angular_psd(german_low, w, speed),
+        2 * np.pi * low,
+        2 * np.pi * high,
+        epsrel=1e-11,
+        epsabs=0,
+        limit=200,
+    )[0]
+    assert per_hz == pytest.approx(variance, rel=1e-9)
+    assert per_rad == pytest.approx(variance, rel=1e-9)
+
+
+@pytest.mark.parametrize("wavelengths", [(0.0, np.inf), (3.0, 25.0), (1.0, np.inf), (0.0, 50.0)])
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-5, 1e-2])
+def test_cutoffs_that_merge_leave_a_finite_continuous_limit(wavelengths, apart):
+    """S = A W^2/(k^2 + W^2)^2 for equal cut-offs: no division by their vanishing difference shows."""
+    spectrum = RationalSpectrum("rational", 1e-6, (0.5, 0.5 * (1 + apart)))
+    lower, upper = (max(1e-9, min(1e9, 2 * np.pi / w)) if w else 1e9 for w in wavelengths[::-1])
+    expected = np.sqrt(integral(spectrum, lower, upper))
+    assert standard_deviation(spectrum, wavelengths) == pytest.approx(expected, rel=1e-7)
+
+
+def test_roughness_scales_the_height_with_its_root(german_low, german_high):
+    ratio = np.sqrt(1.080e-6 / 4.032e-7)
+    assert standard_deviation(german_high, (3, 25)) / standard_deviation(german_low, (3, 25)) == pytest.approx(
+        ratio, rel=1e-12
+    )
+
+
+def test_a_frequency_band_is_the_same_at_every_speed():
+    speeds = np.array([10.0, 50.0, 80.0])
+    limits = band_limits(Band("frequency", 0.1, 100.0), speeds)
+    np.testing.assert_allclose(limits, np.array([[0.1] * 3, [100.0] * 3]) * 2 * np.pi, rtol=1e-15)
+
+
+def test_a_wavelength_band_moves_with_the_speed_longest_first():
+    """A wave of 200 m passes in 4 s at 50 m/s: 0.25 Hz is the lower limit, its shortest wave the upper."""
+    limits = band_limits(Band("wavelength", 1.0, 200.0), np.array([50.0, 100.0]))
+    np.testing.assert_allclose(limits / (2 * np.pi), [[0.25, 0.5], [50.0, 100.0]], rtol=1e-15)
+    assert np.all(limits[0] < limits[1])
