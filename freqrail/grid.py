@@ -195,6 +195,8 @@ def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.
     sample = list(_sample(study.vehicle.shape))
     resonances = np.concatenate([poles(study.vehicle.at(index)) for index in sample])
     resonances = resonances[np.isfinite(resonances)]
+    if study.band is None:
+        return None, np.array(np.nan)  # the bound of what lies beyond the nodes is each vehicle's own
     first = _first_edges(study, resonances)
     if len(sample) < math.prod(study.vehicle.shape):
         inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])

@@ -358,8 +358,8 @@ def nearest(values: NDArray[np.float64], value: float) -> int:
     """Index of the value nearest to `value`, by ratio; inf is nearest to the largest."""
     if math.isinf(value):
         return int(values.size - 1)
-    if value == 0 or np.any(values == value):
-        return int(np.argmin(np.abs(values - value)))
+    if np.any(values == value):
+        return int(np.argmax(values == value))
     with np.errstate(divide="ignore"):
         return int(np.argmin(np.abs(np.log(values / value))))
 

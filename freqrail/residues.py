@@ -17,6 +17,7 @@ interpolated from vehicles with slightly more and less damping (`_by_interpolati
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -184,12 +185,6 @@ def _beyond(vehicle: Vehicle, p: NDArray[np.complex128]) -> NDArray[np.bool_]:
     return np.abs(p) ** 2 > 10 * vehicle.contact_stiffness / vehicle.wheelset_mass
 
 
-def _mirrored(chain: Modal, element: str, p: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Y(-p) of a chain's element at poles p [grid..., k]: by partial fractions, which near the mirror image of a
-    lightly damped pole see the true distance p + pole and no difference of large numbers."""
-    return -np.sum(chain.residues[element][..., None, :] / (p[..., None] + chain.poles[..., None, :]), axis=-1)
-
-
 # --- sums of residues ------------------------------------------------------------------------------
 
 
@@ -253,43 +248,76 @@ def _sum_of_residues(
     """The plain formula, and where [grid..., speeds] merging or meeting poles spoil it."""
     chains = {chain: modal(vehicle, chain) for chain in CHAINS}
     distances = _lag_distances(vehicle)
-    waves = {name: _waves(chain, distances, spectrum, speed) for name, chain in chains.items()}
-    track = _track_elements(vehicle, spectrum, speed)
-    shape = (*vehicle.shape, speed.size)
-    loss = _loss(chains)
+    columns = {name: _columns(SERIES[name]) for name in names}
+    terms: dict[tuple[str, int], list[tuple[NDArray, NDArray]]] = {(k, c): [] for k in names for c in columns[k]}
+    for x in CHAINS:
+        rows = [(name, c) for name, c in terms if any(x == first for first, _, _ in PRODUCTS[c])]
+        if rows:
+            for row, term in zip(rows, _chain_terms(chains, x, rows, distances, spectrum, speed), strict=True):
+                terms[row].append(term)
+    for track in _track_poles(vehicle, distances, spectrum, speed):
+        for (name, c), found in terms.items():
+            extra = track.term(SERIES[name], c)
+            found.append((extra, np.abs(extra)))
+    shape, loss = (*vehicle.shape, speed.size), _loss(chains)
     result = {}
     for name in names:
         series = SERIES[name]
-        columns = [c for c, terms in enumerate(PRODUCTS) if all({x, y} <= set(series.chains) for x, y, _ in terms)]
-        lags = LAG_SUMS[columns]
-        value: Number = np.zeros((len(columns), speed.size))
-        size: Number = np.zeros((len(columns), speed.size))
-        for x in series.chains:
-            weight = _weights(chains, x, series, columns)[..., None] * lags[:, None, :]
-            weight = weight.reshape(*weight.shape[:-2], -1)
-            value = value + weight.real @ waves[x].real - weight.imag @ waves[x].imag
-            size = size + np.abs(weight) @ np.abs(waves[x])
-        for residue, decay, elements in zip(
-            _track_residues(spectrum), _track_waves(distances, spectrum), track, strict=True
-        ):
-            powers = [_track_power(elements, series, PRODUCTS[c]) for c in columns]
-            power = np.stack(np.broadcast_arrays(*powers), axis=-2)
-            extra = residue * np.sum(lags * decay[..., None, :], axis=-1)[..., None] * power
-            value, size = value + extra, size + np.abs(extra)
-        arm = np.asarray(getattr(vehicle, series.arm) if series.arm else 1.0)[..., None, None]
-        signs = np.array([column_signs(position) for position in series.positions])[:, columns]
-        total = np.moveaxis(np.pi * signs @ (value / arm**2), -2, 0)
-        error = np.moveaxis(np.pi * np.abs(signs) @ (size * loss / arm**2), -2, 0)
-        filled = np.zeros((len(signs), *shape))
-        result[name] = MeanSquare(
-            filled + total.reshape(len(signs), *(1,) * (filled.ndim - total.ndim), *total.shape[1:]),
-            filled + error.reshape(len(signs), *(1,) * (filled.ndim - error.ndim), *error.shape[1:]),
-        )
+        value, error = np.zeros((2, len(series.positions), *shape))
+        scale = np.pi / np.square(np.asarray(getattr(vehicle, series.arm) if series.arm else 1.0))[..., None]
+        for c in columns[name]:
+            total = scale * sum(term for term, _ in terms[name, c])
+            uncertain = scale * loss * sum(size for _, size in terms[name, c])
+            for place, position in enumerate(series.positions):
+                sign = column_signs(position)[c]
+                value[place] += sign * total
+                error[place] += abs(sign) * uncertain
+        result[name] = MeanSquare(value, error)
     return result, np.broadcast_to(_singular(chains, spectrum, speed), shape)
 
 
+def _columns(series: Series) -> list[int]:
+    """The lag columns that a series' chains take part in."""
+    return [c for c, terms in enumerate(PRODUCTS) if all({x, y} <= set(series.chains) for x, y, _ in terms)]
+
+
+def _chain_terms(
+    chains: dict[str, Modal],
+    x: str,
+    rows: list[tuple[str, int]],
+    distances: NDArray,
+    spectrum: RationalSpectrum,
+    speed: NDArray[np.float64],
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """What the poles of chain x add to each row (series, column): (value, sum of sizes), [grid..., speeds] each.
+
+    One matrix product a vehicle: coefficients [rows, parts of poles and lags] times waves [.., speeds].
+    """
+    chain = chains[x]
+    p = chain.take(chain.poles)
+    near = {y: -1.0 / (p[..., :, None] + other.poles[..., None, :]) for y, other in chains.items()}
+    heads = {}
+    for name in dict.fromkeys(name for name, _ in rows):
+        series = SERIES[name]
+        head = chain.weight * chain.take(chain.residues[series.quantity]) * p ** (2 * series.derivative)
+        for y in series.chains:
+            # Y(-p) by partial fractions, which near the mirror image of a lightly damped pole see the true
+            # distance p + pole and no difference of large numbers
+            heads[name, y] = head * np.sum(near[y] * chains[y].residues[series.quantity][..., None, :], axis=-1)
+    coefficients = [sum(f * heads[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
+    weight = np.stack(np.broadcast_arrays(*coefficients), axis=-2)
+    lags = LAG_SUMS[[c for _, c in rows]]
+    waves, density = _waves(p, distances, spectrum, speed)
+    parts = np.stack([weight.real, -weight.imag], axis=-2)[..., None, :] * lags[:, None, :, None]
+    value = parts.reshape(*parts.shape[:-3], -1) @ waves
+    # all lagged waves of a pole are smaller than its density
+    size = (np.abs(weight) * np.sum(np.abs(lags), axis=-1)[:, None]) @ density
+    for row in range(len(rows)):
+        yield value[..., row, :], size[..., row, :]
+
+
 def _loss(chains: dict[str, Modal]) -> NDArray[np.float64]:
-    """Relative error that rounding leaves in the residues, [grid..., 1, 1].
+    """Relative error that rounding leaves in the residues, [grid..., 1].
 
     A peak's height goes with the distance of a pole from another's mirror image. For the wheelsets' modes, which
     differ little from chain to chain, that is about twice the real part, while the imaginary parts are only known
@@ -301,7 +329,7 @@ def _loss(chains: dict[str, Modal]) -> NDArray[np.float64]:
         with np.errstate(divide="ignore"):
             sharp = np.where(chain.weight > 0, np.abs(p) / np.abs(2 * p.real), 0.0)
         sharpness = np.maximum(sharpness, sharp.max(axis=-1))
-    return (LOSS + 4 * EPSILON * sharpness)[..., None, None]
+    return (LOSS + 4 * EPSILON * sharpness)[..., None]
 
 
 def _lag_distances(vehicle: Vehicle) -> NDArray[np.float64]:
@@ -311,64 +339,59 @@ def _lag_distances(vehicle: Vehicle) -> NDArray[np.float64]:
 
 
 def _waves(
-    chain: Modal, distances: NDArray, spectrum: RationalSpectrum, speed: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """G(p) e^{p d} of a chain's upper poles p and the lags d at every speed: [grid..., k x 5, speeds]."""
-    p = chain.take(chain.poles)[..., None, None]
+    p: NDArray[np.complex128], distances: NDArray, spectrum: RationalSpectrum, speed: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """G(s) e^{s d} at poles p [grid..., k] for the lags d at every speed, and |G|, [grid..., k, speeds].
+
+    The waves are [grid..., 2 x 5 x k, speeds]: real and imaginary parts of each lag of each pole.
+    """
+    s = p[..., None]
     low, high = (np.square(speed * cutoff) for cutoff in spectrum.cutoffs)
     # S_v(omega/v)/v with omega^2 = -s^2 (eq. 11)
-    density = spectrum.roughness * spectrum.cutoffs[1] ** 2 * speed**3 / ((low - p * p) * (high - p * p))
-    lagged = np.exp(p * (distances[..., None, :, None] / speed)) * density
-    return lagged.reshape(*lagged.shape[:-3], -1, speed.size)
+    density = spectrum.roughness * spectrum.cutoffs[1] ** 2 * speed**3 / ((low - s * s) * (high - s * s))
+    delay = s / speed
+    wheelbase, spacing, inner = (np.exp(distances[..., lag, None, None] * delay) for lag in (1, 2, 4))
+    rear = spacing * density
+    lagged = (density, wheelbase * density, rear, wheelbase * rear, inner * density)
+    shape = np.broadcast_shapes(*(wave.shape for wave in lagged))
+    waves = np.empty((*shape[:-2], 2, 5, *shape[-2:]))
+    for lag, wave in enumerate(lagged):
+        waves[..., 0, lag, :, :], waves[..., 1, lag, :, :] = wave.real, wave.imag
+    return waves.reshape(*shape[:-2], -1, speed.size), np.abs(density)
 
 
-def _weights(chains: dict[str, Modal], x: str, series: Series, columns: list[int]) -> NDArray[np.complex128]:
-    """Coefficients of chain x's poles in each column: [grid..., columns, k]."""
-    chain, element = chains[x], series.quantity
-    p = chain.take(chain.poles)
-    head = chain.weight * chain.take(chain.residues[element]) * p ** (2 * series.derivative)
-    mirrored = {y: head * _mirrored(chains[y], element, p) for y in series.chains}
-    rows = [sum((f * mirrored[y] for a, y, f in PRODUCTS[c] if a == x), start=np.zeros_like(head)) for c in columns]
-    return np.stack(np.broadcast_arrays(*rows), axis=-2)
+@dataclass(frozen=True)
+class _TrackPole:
+    """A pole q = -v Omega of the spectrum, where the vehicle's chains are read off directly.
+
+    q: [speeds] rad/s. weight: residue of G times e^{q d} = e^{-Omega D} summed over each column's lags, [grid..., 7];
+    the speed cancels in both. elements: {(chain, sign): {element: X(sign q) [grid..., speeds]}}.
+    """
+
+    q: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    elements: dict[tuple[str, int], dict[str, Number]]
+
+    def term(self, series: Series, column: int) -> NDArray[np.float64]:
+        """What the pole adds to a column of a series, [grid..., speeds]."""
+        name, power = series.quantity, self.q ** (2 * series.derivative)
+        products = sum(f * self.elements[x, 1][name] * self.elements[y, -1][name] for x, y, f in PRODUCTS[column])
+        return np.asarray(self.weight[..., column, None] * power * products)
 
 
-def _track_residues(spectrum: RationalSpectrum) -> tuple[float, float]:
-    """Residues of G at its poles -v Omega_r and -v Omega_c, m^2: the speed cancels."""
+def _track_poles(
+    vehicle: Vehicle, distances: NDArray, spectrum: RationalSpectrum, speed: NDArray[np.float64]
+) -> Iterator[_TrackPole]:
     low, high = spectrum.cutoffs
     scale = spectrum.roughness * high**2 / (high**2 - low**2) / 2
-    return scale / low, -scale / high
-
-
-def _track_waves(distances: NDArray, spectrum: RationalSpectrum) -> tuple[NDArray, NDArray]:
-    """e^{q d} = e^{-Omega D} at the two poles q = -v Omega of the spectrum: [grid..., 5] each."""
-    low, high = spectrum.cutoffs
-    return np.exp(-low * distances), np.exp(-high * distances)
-
-
-def _track_elements(
-    vehicle: Vehicle, spectrum: RationalSpectrum, speed: NDArray[np.float64]
-) -> list[tuple[NDArray, dict[tuple[str, int], dict[str, Number]]]]:
-    """For each pole q = -v Omega of the spectrum: q [speeds] and {(chain, sign): elements at sign q}."""
-    column = vehicle.column()
-    result = []
-    for cutoff in spectrum.cutoffs:
+    for cutoff, residue in ((low, scale / low), (high, -scale / high)):
         q = -cutoff * speed
         elements = {}
         for chain in CHAINS:
             for sign in (1, -1):
-                track, ratios = descend(column, chain, sign * q, q * q)
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    elements[chain, sign] = {name: ratio / track for name, ratio in ratios.items()}
-        result.append((q, elements))
-    return result
-
-
-def _track_power(track: Any, series: Series, terms: tuple[tuple[str, str, float], ...]) -> NDArray[np.float64]:
-    """Sum of factor X(q) Y(-q) with the responses' powers of s: [grid..., speeds]."""
-    q, elements = track
-    element = series.quantity
-    products = sum(f * elements[x, 1][element] * elements[y, -1][element] for x, y, f in terms)
-    return np.asarray(products * q ** (2 * series.derivative))
+                track, ratios = descend(vehicle.column(), chain, sign * q, q * q)
+                elements[chain, sign] = {name: ratio / track for name, ratio in ratios.items()}
+        yield _TrackPole(q, residue * np.exp(-cutoff * distances) @ LAG_SUMS.T, elements)
 
 
 def _singular(chains: dict[str, Modal], spectrum: RationalSpectrum, speed: NDArray[np.float64]) -> NDArray[np.bool_]:

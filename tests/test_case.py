@@ -940,6 +940,7 @@ def test_faults_of_options_are_told_with_those_of_the_file():
         put("confirm", "points", '[{ bogie_mass = "600 kg" }]').replace(
             'bogie_mass = "600 kg"\n', 'bogie_mass = "6"\n'
         ),
+        put("operation", "speed", '"255 km/h"').replace('{ speed = "250 km/h"', '{ speed = "250"'),
         put("vehicle", "half_wheelbase", '"9 kg"'),
         put("track", "spectrum", '"x"\nroughness = "1e-7 m^2*rad/m"'),
     ],
@@ -1190,6 +1191,14 @@ def test_every_sweepable_quantity_can_be_set_and_swept(name):
     else:
         field = "contact_stiffness" if name.startswith("contact") else name
         assert np.size(getattr(grid, field)) == 2
+
+
+def test_the_scalar_of_a_swept_length_must_be_in_order_too():
+    """It is what show, modes and slices are computed with."""
+    text = put("vehicle", "half_wheelbase", '"4 m"')
+    (problem,) = refusal(lambda: build_case(text, over={"half_wheelbase": "0.7, 0.8 m"}, file="F"))
+    assert problem.startswith("F: [vehicle].half_bogie_spacing: must exceed half_wheelbase")
+    assert problem.endswith("(got 3.289 m and 4 m)")
 
 
 def test_the_messages_name_the_file_that_was_read(tmp_path):

@@ -259,6 +259,31 @@ def test_the_whole_axis_where_residues_break(paper_vehicle, change, speed):
         np.testing.assert_allclose(solution.rms[name][:, 0], expected[name], rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "joints",
+    [
+        (1e7, 1e10),
+        pytest.param(
+            (1e10, 1e14),
+            marks=pytest.mark.xfail(
+                strict=True, reason="poles of stiff finite joints do not converge: wrong or failed"
+            ),
+        ),
+    ],
+    ids=["up to 1e10 N/m", "up to 1e14 N/m"],
+)
+def test_the_whole_axis_of_random_vehicles_on_stiff_joints(joints):
+    """From Table I's stiffest to what a user may type for rigid: the closed form against quadrature."""
+    rng = np.random.default_rng(77)
+    for vehicle in random_vehicles(30, seed=77, joints=joints):
+        speed = rng.uniform(10, 150)
+        solution = solve(vehicle, [speed], None)
+        assert_ok(solution)
+        expected = reference_rms(vehicle, TRACK, speed, 1e-6, 2 * np.pi * 1e4, transfer=from_chains, nodes=12)
+        for name in PAPER_NAMES:
+            np.testing.assert_allclose(solution.rms[name][:, 0], expected[name], rtol=1e-6)
+
+
 def test_all_responses_have_a_value_on_the_whole_axis(paper_vehicle):
     """Also the wheelsets, whose acceleration tends to K_H/M_w per metre instead of vanishing at high frequency."""
     vehicle, speeds = paper_vehicle.traditional(), [50 * KMH, 250 * KMH]

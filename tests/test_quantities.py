@@ -51,7 +51,13 @@ FACTORS = {
         "kN*ms/mm": "1000",
     },
     "half_wheelbase": {"m": "1", "mm": "0.001", "cm": "0.01", "km": "1000", "ft": "0.3048", "inch": "0.0254"},
-    "contact_constant": {"m/N^(2/3)": "1", "mm/N^(2/3)": "0.001", "m*N^(-2/3)": "1", "m/kN^(2/3)": "0.01"},
+    "contact_constant": {
+        "m/N^(2/3)": "1",
+        "mm/N^(2/3)": "0.001",
+        "m*N^(-2/3)": "1",
+        "m/kN^(2/3)": "0.01",
+        "mm/kN^(2/3)": "1e-5",
+    },
     "cutoffs": {"rad/m": "1", "rad/km": "0.001", "rad/mm": "1000"},
     "roughness": {"m^2*rad/m": "1", "mm^2*rad/m": "1e-6"},
     "frequency": {"Hz": "1", "kHz": "1000", "mHz": "0.001", "s^-1": "1"},
@@ -363,6 +369,8 @@ def test_spaced_axes_hold_their_ends_and_their_spacing(a, b, count, log):
         ("speed", "100, 100 km/h", "values must strictly increase, 100 follows 100"),
         ("speed", "100, 300, 200 km/h", "values must strictly increase, 200 follows 300"),
         ("speed", "100, 100.00000000000000000001 km/h", "values must strictly increase"),
+        ("speed", "1, 1.00000000000000012 km/h", "values must strictly increase, 1 follows 1"),  # one float in m/s
+        ("speed", "5, 5.00000000000000025 km/h", "values must strictly increase, 5 follows 5"),  # one float in km/h
         ("primary_joint_stiffness", "1, inf, inf MN/m", "inf can only end a list of values"),
         ("primary_joint_stiffness", "inf, 1 MN/m", "inf can only end a list of values"),
         ("primary_joint_stiffness", "-inf, 1 MN/m", "inf can only end a list of values"),
