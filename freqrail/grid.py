@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from freqrail import residues, rms
 from freqrail.response import SERIES, response_psd, wheel_lags
-from freqrail.track import Band, RationalSpectrum, band_limits
+from freqrail.track import Band, RationalSpectrum, Spectrum, band_limits, kinks, singular_points
 from freqrail.vehicle import CHAINS, Vehicle, chain_system, ladder, poles, state_space
 
 STATUS = ("ok", "unresolved_peak", "undamped", "failed")
@@ -54,7 +54,7 @@ class Study:
 
     vehicle: Vehicle
     speed: NDArray[np.float64]
-    spectrum: RationalSpectrum
+    spectrum: Spectrum
     band: Band | None
     names: tuple[str, ...]
 
@@ -91,18 +91,20 @@ def solve(study: Study, jobs: int = 1, progress: Progress = lambda points: None)
         status=np.full(shape, STATUS.index("unresolved_peak"), np.int8),
         method=np.zeros(shape, np.int8),
     )
-    if study.band is None and residues.applies(study.spectrum):
-        _solve_in_closed_form(study, solution, jobs, progress)
+    if study.band is None and isinstance(study.spectrum, RationalSpectrum) and residues.applies(study.spectrum):
+        _solve_in_closed_form(study, study.spectrum, solution, jobs, progress)
     else:
         _solve_by_quadrature(study, solution, jobs, progress)
     _judge(study, solution)
     return solution
 
 
-def _solve_in_closed_form(study: Study, solution: Solution, jobs: int, progress: Progress) -> None:
+def _solve_in_closed_form(
+    study: Study, spectrum: RationalSpectrum, solution: Solution, jobs: int, progress: Progress
+) -> None:
     def part(cell: tuple[slice, ...]) -> None:
         vehicle = _cut(study.vehicle, cell)
-        block = residues.mean_squares(vehicle, study.names, study.spectrum, study.speed)
+        block = residues.mean_squares(vehicle, study.names, spectrum, study.speed)
         _store(solution, cell, block, "closed_form")
         progress(math.prod(vehicle.shape) * study.speed.size)
 
@@ -173,21 +175,22 @@ def seconds(study: Study, jobs: int = 1) -> float:
 
 
 def _limits(study: Study) -> NDArray[np.float64]:
-    if study.band is None:
-        return np.array([np.zeros_like(study.speed), np.full_like(study.speed, np.inf)])
-    return band_limits(study.band, study.speed)
-
-
-def _track_poles(study: Study) -> NDArray[np.complex128]:
-    """Poles of the spectrum at every speed, rad/s: -v Omega_r and -v Omega_c."""
-    return -np.multiply.outer(study.speed, np.array(study.spectrum.cutoffs)).ravel().astype(complex)
+    """The band at every speed, rad/s: [2, speeds]; no wider than what a tabulated spectrum covers."""
+    low, high = np.zeros_like(study.speed), np.full_like(study.speed, np.inf)
+    if study.band is not None:
+        low, high = band_limits(study.band, study.speed)
+    points = kinks(study.spectrum, study.speed)
+    if points.size:
+        low, high = np.maximum(low, points[0]), np.minimum(high, points[-1])
+    return np.array([low, np.maximum(low, high)])
 
 
 def _first_edges(study: Study, resonances: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """The edges a panel must not straddle: every speed's own band, or 0 and the end of the nodes."""
-    if study.band is None:
-        return np.array([0.0, WHOLE_AXIS_REACH * np.max(np.abs(resonances.imag))])
-    return np.unique(band_limits(study.band, study.speed))
+    """The edges a panel must not straddle: every speed's own band, or 0 and the end of the nodes, and all kinks."""
+    limits = _limits(study)
+    ends = np.where(np.isinf(limits), WHOLE_AXIS_REACH * np.max(np.abs(resonances.imag), initial=1.0), limits)
+    points = kinks(study.spectrum, study.speed)
+    return np.unique(np.concatenate([ends.ravel(), points[(points > limits[0]) & (points < limits[1])]]))
 
 
 def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
@@ -195,7 +198,7 @@ def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.
     sample = list(_sample(study.vehicle.shape))
     resonances = np.concatenate([poles(study.vehicle.at(index)) for index in sample])
     resonances = resonances[np.isfinite(resonances)]
-    if study.band is None:
+    if np.isinf(_limits(study)).any():
         return None, np.array(np.nan)  # the bound of what lies beyond the nodes is each vehicle's own
     first = _first_edges(study, resonances)
     if len(sample) < math.prod(study.vehicle.shape):
@@ -203,7 +206,7 @@ def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.
         if np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
             return None, np.array(np.nan)  # between the vehicles sampled, such a peak could pass through the nodes
     lag = max(float(wheel_lags(study.vehicle.at(index), study.speed.min())[-1]) for index in sample)
-    everything = np.concatenate([resonances, _track_poles(study)])
+    everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
     edges = rms.panel_edges(first, everything, lag)
     return (edges if (edges.size - 1) * 21 <= SHARED_NODES else None), rms.rounding(resonances, _limits(study))
 
@@ -278,14 +281,14 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     edges = rms.panel_edges(
         _first_edges(study, resonances),
-        np.concatenate([resonances, _track_poles(study)]),
+        np.concatenate([resonances, singular_points(study.spectrum, study.speed)]),
         float(wheel_lags(vehicle, study.speed.min())[-1]),
         refine=2.0,
     )
     rule = rms.quadrature(edges)
     weights = rms.lag_weights(vehicle, study.spectrum, rule, study.speed, _limits(study))
     squares = rms.mean_squares(vehicle, study.names, rule.omega, weights, rms.rounding(resonances, _limits(study)))
-    if study.band is None:
+    if np.isinf(_limits(study)).any():
         beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}
     return {

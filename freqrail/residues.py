@@ -59,9 +59,10 @@ PRODUCTS: tuple[tuple[tuple[str, str, float], ...], ...] = (
     ((P, Q, 0.5), (Q, P, 0.5), (B, Q, -0.5), (Q, B, -0.5)),
 )
 
-FAR = 1e6
+FAR = 1e7
 """Poles beyond this, rad/s, are left out: they hold less than 1e-12 of any response (G falls like s^-4)."""
 
+DIFFERENCE = 1e-6  # relative step of the difference quotient in Newton's method
 MERGING = 0.03  # poles of a chain closer than this, relatively, are taken for merging
 MEETING = 1e-3  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
 LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
@@ -129,25 +130,25 @@ def chain_poles(vehicle: Vehicle, chain: str) -> NDArray[np.complex128]:
 def modal(vehicle: Vehicle, chain: str) -> Modal:
     """Partial fractions of a chain for a grid of vehicles, the poles polished to full precision.
 
-    At a pole the displacements x and elongations e of the free oscillation give the derivative of the track's
-    displacement, V'(p) = (sum of 2 p m x^2 + sum of e^2 D'(p)) / (K_H x_w), D' = c/(1 + c p/kappa)^2; the residue
-    of an element is its ratio over V'. Newton steps with it polish the eigenvalues. Of a lightly damped pole the
-    real part, which decides the height of its peak, comes from the energy its dampers take without
-    cancellation: Re p = - sum of c |e|^2/|1 + c p/kappa|^2 / (2 sum of m |x|^2).
+    Newton's method polishes the eigenvalues. At a pole the displacements x and elongations e of the free oscillation
+    give the derivative of the track's displacement, V'(p) = (sum of 2 p m x^2 + sum of e^2 D'(p)) / (K_H x_w),
+    D' = c/(1 + c p/kappa)^2; the residue of an element is its ratio over V'. Of a lightly damped pole the real
+    part, which decides the height of its peak, comes from the energy its dampers take without cancellation:
+    Re p = - sum of c |e|^2/|1 + c p/kappa|^2 / (2 sum of m |x|^2).
     """
     poles = chain_poles(vehicle, chain)
     column = vehicle.column()
     near = np.abs(poles) < FAR
     p = np.where(near, poles, -1.0)
     for _ in range(3):
-        value, slope, _ratios, _light = _at_pole(column, chain, p)
+        value, beside = (descend(column, chain, z, z * z)[0] for z in (p, p * (1 + DIFFERENCE)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = value / slope
-        p = np.where(near & ~_beyond(column, p) & (np.abs(step) < 1e-3 * np.abs(p)), p - step, p)
-    _, _, _, dissipated = _at_pole(column, chain, p)
+            step = DIFFERENCE * p * value / (beside - value)
+        p = np.where(near & ~_beyond(column, p) & (np.abs(step) < 0.1 * np.abs(p)), p - step, p)
+    _, _, dissipated = _at_pole(column, chain, p)
     light = near & (np.abs(p.real) < LIGHT * np.abs(p))
     p = np.where(light, dissipated + 1j * p.imag, p)
-    _, slope, ratios, _ = _at_pole(column, chain, p)
+    slope, ratios, _ = _at_pole(column, chain, p)
     with np.errstate(divide="ignore", invalid="ignore"):
         residues = {name: np.where(near, ratio / slope, 0.0) for name, ratio in ratios.items()}
     weight = np.where(p.imag > 0, 2.0, np.where(p.imag < 0, 0.0, 1.0)) * near
@@ -155,11 +156,9 @@ def modal(vehicle: Vehicle, chain: str) -> Modal:
     return Modal(p, residues, order, np.take_along_axis(weight, order, axis=-1))
 
 
-def _at_pole(
-    vehicle: Vehicle, chain: str, p: NDArray[np.complex128]
-) -> tuple[NDArray, NDArray, dict[str, Number], NDArray]:
-    """(V(p), V'(p), ratios, real part of p by dissipation) near a pole p of a chain, see `modal`."""
-    value, ratios = descend(vehicle, chain, p, p * p)
+def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> tuple[NDArray, dict[str, Number], NDArray]:
+    """(V'(p), ratios, real part of p by dissipation) at a pole p of a chain, see `modal`."""
+    _, ratios = descend(vehicle, chain, p, p * p)
     masses, legs = ladder(vehicle, chain)
     bodies = ("car", "bogie", "wheelset")[-len(masses) :]
     stages = ("secondary", "primary")[-len(legs) :]
@@ -178,7 +177,7 @@ def _at_pole(
         yielding = 1.0 + p * damping * (2.0 / joint)
         bend = bend + damping * np.square(ratios[stage] / yielding)
         taken = taken + damping * np.abs(ratios[stage] / yielding) ** 2
-    return value, bend / (vehicle.contact_stiffness * ratios["wheelset"]), ratios, -taken / kinetic
+    return bend / (vehicle.contact_stiffness * ratios["wheelset"]), ratios, -taken / kinetic
 
 
 def _beyond(vehicle: Vehicle, p: NDArray[np.complex128]) -> NDArray[np.bool_]:

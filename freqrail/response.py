@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.track import RationalSpectrum, frequency_psd
+from freqrail.track import Spectrum, frequency_psd
 from freqrail.vehicle import CHAINS, System, Vehicle, ladder, leg_dynamic_stiffness, stiffness_matrices
 
 Number = Any
@@ -239,7 +239,7 @@ def track_response(
 
 
 def response_psd(
-    series: Series, vehicle: Vehicle, spectrum: RationalSpectrum, frequency: NDArray, speed: Number
+    series: Series, vehicle: Vehicle, spectrum: Spectrum, frequency: NDArray, speed: Number
 ) -> NDArray[np.float64]:
     """One-sided PSD of a series per Hz, |T|^2 2 pi S_v(Omega)/v: [positions, grid..., n].
 

@@ -25,7 +25,7 @@ from freqrail.response import (
     lag_columns,
     top_products,
 )
-from freqrail.track import RationalSpectrum, angular_psd
+from freqrail.track import Spectrum, angular_psd
 from freqrail.vehicle import Vehicle
 
 # Gauss-Kronrod pair with 10 and 21 nodes on [-1, 1] (QUADPACK, Piessens et al. 1983, routine qk21):
@@ -148,7 +148,7 @@ class LagWeights:
 
 def lag_weights(
     vehicle: Vehicle,
-    spectrum: RationalSpectrum,
+    spectrum: Spectrum,
     rule: Quadrature,
     speed: NDArray[np.float64],
     limits: NDArray[np.float64],
@@ -234,7 +234,7 @@ def rounding(poles: NDArray[np.complex128], limits: NDArray[np.float64]) -> NDAr
 def truncation_bound(
     vehicle: Vehicle,
     names: tuple[str, ...],
-    spectrum: RationalSpectrum,
+    spectrum: Spectrum,
     speed: NDArray[np.float64],
     cutoff: float,
 ) -> dict[str, NDArray[np.float64]]:

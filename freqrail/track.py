@@ -28,7 +28,7 @@ class Band:
 def band_limits(band: Band, speed: Number) -> NDArray[np.float64]:
     """Limits [2, ...] of a band in rad/s at every `speed` in m/s; omega = 2 pi v / wavelength."""
     if band.kind == "frequency":
-        return 2 * np.pi * np.array([np.full_like(speed, band.low), np.full_like(speed, band.high)])
+        return 2 * np.pi * np.array([np.full(np.shape(speed), band.low), np.full(np.shape(speed), band.high)])
     return 2 * np.pi * np.array([speed / band.high, speed / band.low])
 
 
@@ -44,27 +44,69 @@ class RationalSpectrum:
     cutoffs: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class TabulatedSpectrum:
+    """S_v between tabulated points, straight in log-log; zero outside them.
+
+    wavenumbers: [n] rad/m, increasing, above 0. values: [n] m^2/(rad/m), above 0, one-sided. Raises ValueError
+    for anything else.
+    """
+
+    name: str
+    wavenumbers: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        knots, values = np.asarray(self.wavenumbers), np.asarray(self.values)
+        if knots.shape != values.shape or knots.ndim != 1 or knots.size < 2:
+            raise ValueError(
+                f"a table needs two or more wavenumbers and as many values (got {knots.shape} and {values.shape})"
+            )
+        if not (np.all(knots > 0) and np.all(values > 0) and np.all(np.diff(knots) > 0)):
+            raise ValueError("wavenumbers and values must be positive, and wavenumbers increase")
+
+
+Spectrum = RationalSpectrum | TabulatedSpectrum
+
+
 # A_v in m^2 rad/m, cutoffs in rad/m: the low one is eq. (11) with the paper's numbers, the high one
 # the same formula with the German high-interference roughness.
 GERMAN_CUTOFFS = (0.0206, 0.8246)
 GERMAN_ROUGHNESS = {"german-low": 4.032e-7, "german-high": 1.080e-6}
 
 
-def wavenumber_psd(spectrum: RationalSpectrum, wavenumber: Number) -> Number:
-    """S_v in m^2/(rad/m), one-sided, at `wavenumber` in rad/m (eq. 11)."""
+def wavenumber_psd(spectrum: Spectrum, wavenumber: Number) -> Number:
+    """S_v in m^2/(rad/m), one-sided, at `wavenumber` in rad/m (eq. 11, or the table)."""
+    if isinstance(spectrum, TabulatedSpectrum):
+        knots, values = np.log(spectrum.wavenumbers), np.log(spectrum.values)
+        with np.errstate(divide="ignore"):
+            return np.exp(np.interp(np.log(wavenumber), knots, values, left=-np.inf, right=-np.inf))
     omega_r, omega_c = spectrum.cutoffs
     square = np.square(wavenumber)
     return spectrum.roughness * omega_c**2 / ((square + omega_r**2) * (square + omega_c**2))
 
 
-def angular_psd(spectrum: RationalSpectrum, omega: Number, speed: Number) -> Number:
+def angular_psd(spectrum: Spectrum, omega: Number, speed: Number) -> Number:
     """G(omega) = S_v(omega / v) / v in m^2/(rad/s), one-sided; omega in rad/s, speed in m/s."""
     return wavenumber_psd(spectrum, omega / speed) / speed
 
 
-def frequency_psd(spectrum: RationalSpectrum, frequency: Number, speed: Number) -> Number:
+def frequency_psd(spectrum: Spectrum, frequency: Number, speed: Number) -> Number:
     """2 pi S_v(2 pi f / v) / v in m^2/Hz, one-sided; frequency in Hz, speed in m/s."""
     return 2 * np.pi * angular_psd(spectrum, 2 * np.pi * frequency, speed)
+
+
+def singular_points(spectrum: Spectrum, speed: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Where G is singular, rad/s, at all of the speeds [m/s]: s = -v Omega_r and -v Omega_c; 0 for a table's powers."""
+    if isinstance(spectrum, TabulatedSpectrum):
+        return np.zeros(1, dtype=complex)
+    return -np.multiply.outer(speed, np.array(spectrum.cutoffs)).ravel().astype(complex)
+
+
+def kinks(spectrum: Spectrum, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where G is not smooth, rad/s: [points, speeds], none for a rational spectrum, the points of a table."""
+    points = spectrum.wavenumbers if isinstance(spectrum, TabulatedSpectrum) else ()
+    return np.multiply.outer(np.array(points), speed)
 
 
 def standard_deviation(spectrum: RationalSpectrum, wavelengths: tuple[float, float] = (0.0, np.inf)) -> float:

@@ -23,6 +23,7 @@ from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE
 from freqrail.track import Band, RationalSpectrum
 
+ROOT = Path(__file__).parent.parent
 SHIPPED = shipped_cases()["yu-damper-joint"]
 
 # a case with one line a key, so that a test can change each of them
@@ -835,7 +836,7 @@ for text in ("x" + dots + " = 1\\n" + PLAIN, PLAIN + "[x" + dots + "]\\n", "x = 
     except InputError as fault:
         print(fault)
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.stderr == ""
     assert done.stdout.splitlines() == ["case: not valid as a case: nested too deeply"] * 4
 

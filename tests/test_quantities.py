@@ -10,6 +10,7 @@ import sys
 import tracemalloc
 from decimal import Decimal
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pint
@@ -21,6 +22,7 @@ from freqrail import quantities
 from freqrail.names import PARAMETERS
 from freqrail.quantities import is_same, nearest, parse_axis, parse_pair, parse_quantity, shown_value, unit_factor
 
+ROOT = Path(__file__).parent.parent
 FUZZ = settings(deadline=2000, database=None, derandomize=True)
 
 # factors to SI by hand: the second reading that the parser is compared with
@@ -482,7 +484,7 @@ for text in HOSTILE:
             refused += len(str(fault)) < 400
 print(refused)
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30)
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=30)
     assert done.stderr == ""
     assert int(done.stdout) == 3 * len(HOSTILE)
 

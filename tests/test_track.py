@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from freqrail.track import (
     Band,
     RationalSpectrum,
+    TabulatedSpectrum,
     angular_psd,
     band_limits,
     frequency_psd,
@@ -129,3 +130,26 @@ def test_a_wavelength_band_moves_with_the_speed_longest_first():
     limits = band_limits(Band("wavelength", 1.0, 200.0), np.array([50.0, 100.0]))
     np.testing.assert_allclose(limits / (2 * np.pi), [[0.25, 0.5], [50.0, 100.0]], rtol=1e-15)
     assert np.all(limits[0] < limits[1])
+
+
+def test_a_table_of_the_german_spectrum_is_the_german_spectrum_between_its_points(german_low):
+    points = np.geomspace(1e-3, 50, 4000)
+    table = TabulatedSpectrum("table", tuple(points), tuple(wavenumber_psd(german_low, points)))
+    inside = np.geomspace(2e-3, 49, 777)
+    assert wavenumber_psd(table, inside) == pytest.approx(wavenumber_psd(german_low, inside), rel=1e-5)
+    assert np.all(wavenumber_psd(table, np.array([0.9e-3, 51.0])) == 0)
+
+
+@pytest.mark.parametrize(
+    ("points", "values"),
+    [
+        ((1.0,), (1.0,)),
+        ((1.0, 2.0), (1.0,)),
+        ((2.0, 1.0), (1.0, 1.0)),
+        ((0.0, 1.0), (1.0, 1.0)),
+        ((1.0, 2.0), (1.0, -1.0)),
+    ],
+)
+def test_a_table_that_is_none_is_refused(points, values):
+    with pytest.raises(ValueError, match="wavenumbers"):
+        TabulatedSpectrum("table", points, values)
