@@ -846,7 +846,7 @@ def test_texts_with_many_dots_are_no_endless_keys():
     assert build_case(put("", "reference", f'"{dotted}"')).reference == dotted
 
 
-@settings(deadline=2000, database=None, derandomize=True, max_examples=300)
+@settings(deadline=10_000, database=None, derandomize=True, max_examples=300)
 @given(
     st.lists(
         st.tuples(

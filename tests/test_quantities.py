@@ -23,7 +23,7 @@ from freqrail.names import PARAMETERS
 from freqrail.quantities import is_same, nearest, parse_axis, parse_pair, parse_quantity, shown_value, unit_factor
 
 ROOT = Path(__file__).parent.parent
-FUZZ = settings(deadline=2000, database=None, derandomize=True)
+FUZZ = settings(deadline=10_000, database=None, derandomize=True)
 
 # factors to SI by hand: the second reading that the parser is compared with
 FACTORS = {
