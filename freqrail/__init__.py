@@ -20,7 +20,7 @@ __version__ = "0.1.0"
 # `import freqrail` cost nothing.
 _PUBLIC = {
     "load_case": "case",
-    "shipped_cases": "case",
+    "shipped_cases": "casefile",
     "sweep": "dataset",
     "open_result": "storage",
     "write_result": "storage",
@@ -44,7 +44,8 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from freqrail.case import load_case, shipped_cases
+    from freqrail.case import load_case
+    from freqrail.casefile import shipped_cases
     from freqrail.dataset import sweep
     from freqrail.errors import FreqrailError, FreqrailWarning
     from freqrail.figures import plot

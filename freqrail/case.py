@@ -8,22 +8,26 @@ and bounds come from `freqrail.names`.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
-import re
-import tomllib
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, ValidationError, create_model
 
+from freqrail.casefile import (
+    CONTACTS,
+    apply_axis,
+    apply_setting,
+    find,
+    parse_toml,
+    sections,
+    to_toml,
+)
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import Axis, Quantity, given, is_same, nearest, parse_axis, parse_pair, parse_quantity
@@ -32,12 +36,7 @@ from freqrail.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_l
 
 SCHEMA_VERSION = 1
 SPECTRA = (*GERMAN_ROUGHNESS, "rational")
-CONTACTS = ("contact_constant", "contact_stiffness")
-LARGEST_FILE = 1_000_000  # bytes: a case file has two thousand
 SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is probably a slip of the unit
-
-# keys of 50 parts such as a.a.a...: no case has them, and tomllib needs memory by the square of their number
-_ENDLESS_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
 
 
 @dataclass(frozen=True)
@@ -95,14 +94,6 @@ class Case:
         return next((axis.si for axis in self.axes if axis.name == "speed"), np.array([self.speed]))
 
 
-def shipped_cases() -> dict[str, str]:
-    """The cases that come with freqrail: {name: TOML text}."""
-    inside = resources.files("freqrail") / "cases"
-    folder = inside if inside.is_dir() else Path(__file__).parent.parent / "cases"
-    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in files}
-
-
 def load_case(
     case: str | os.PathLike[str],
     settings: Mapping[str, str] | None = None,
@@ -118,7 +109,7 @@ def load_case(
     changes (see the README's case format), and warns (FreqrailWarning) of a joint softer
     than 1 % of its suspension spring.
     """
-    name, file, text = _find(case)
+    name, file, text = find(case)
     return build_case(text, settings, over, name=name, file=file)
 
 
@@ -135,13 +126,13 @@ def build_case(
     stray_points: accept confirm points off the grid, as `settings` and `over` may leave them; confirming
     them is what fails then.
     """
-    tables = _parse_toml(text, file)
+    tables = parse_toml(text, file)
     problems: list[str] = []
     origins: dict[tuple[str, ...], str] = {}
     for key, value in (settings or {}).items():
-        _apply_setting(tables, key, value, problems, origins)
+        apply_setting(tables, key, value, problems, origins)
     for key, value in (over or {}).items():
-        _apply_axis(tables, key, value, problems, origins)
+        apply_axis(tables, key, value, problems, origins)
 
     def where(*at: str) -> str:
         """The place that a message names: the option that set a key, or the file's own table and key."""
@@ -181,131 +172,6 @@ def build_case(
         text=text,
         effective=to_toml(tables),
     )
-
-
-def _find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
-    """(stem, name for messages, text) of a case file or a shipped case."""
-    path = Path(case)
-    wanted = str(case)
-    try:
-        if path.is_file():
-            return path.stem, wanted, _read(path)
-        exists, folder = path.exists(), path.is_dir()
-    except (OSError, ValueError) as fault:
-        words = getattr(fault, "strerror", None) or fault
-        raise InputError(f"{wanted}: cannot be opened: {words}") from None
-    shipped = shipped_cases()
-    if wanted in shipped:
-        return wanted, wanted, shipped[wanted]
-    if exists:
-        kind = "is a folder" if folder else "is not a regular file"
-        raise InputError(f"{wanted or '.'}: {kind}, a case file is due")
-    raise InputError(f"{wanted}: no such case file, and no shipped case of that name{suggestion(wanted, shipped)}")
-
-
-def _read(path: Path) -> str:
-    try:
-        size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise InputError(f"{path}: too large for a case file (got {size} bytes, limit {LARGEST_FILE})")
-        data = path.read_bytes()
-    except OSError as fault:
-        raise InputError(f"{path}: cannot be read: {fault.strerror}") from None
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise InputError(f"{path}: is UTF-16 text, a case file is UTF-8: save it anew with that encoding")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as fault:
-        raise InputError(f"{path}: is not UTF-8 text (byte {fault.start} is {data[fault.start]:#04x})") from None
-    if "\0" in text:
-        line = text[: text.index("\0")].count("\n") + 1
-        raise InputError(f"{path}: line {line}: holds a NUL byte, a case file is plain text")
-    if not text.strip():
-        raise InputError(f"{path}: is empty; start from a shipped case: freqrail cases yu-damper-joint")
-    return text
-
-
-def _parse_toml(text: str, file: str) -> dict[str, Any]:
-    if _ENDLESS_KEY.search(text):
-        raise InputError(f"{file}: not valid as a case: nested too deeply")
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as fault:
-        raise InputError(f"{file}: not valid TOML: {fault}") from None
-    except ValueError:
-        raise InputError(f"{file}: not valid TOML: a number with too many digits") from None
-    except RecursionError:
-        raise InputError(f"{file}: not valid as a case: nested too deeply") from None
-
-
-# --- settings and axes -----------------------------------------------------------------------------
-
-
-def _sections() -> dict[str, tuple[str, ...]]:
-    """The keys of every table that a setting may change."""
-    keys: dict[str, list[str]] = {"vehicle": ["masses"], "track": ["spectrum"], "operation": [], "band": []}
-    for parameter in PARAMETERS.values():
-        keys[parameter.section].append(parameter.name)
-    return {section: tuple(names) for section, names in keys.items()}
-
-
-def _table(tables: dict[str, Any], name: str) -> dict[str, Any]:
-    """The table of that name, made if missing; a stray value in its place is left for validation."""
-    table = tables.setdefault(name, {})
-    return table if isinstance(table, dict) else {}
-
-
-def _apply_setting(
-    tables: dict[str, Any], key: str, value: str, problems: list[str], origins: dict[tuple[str, ...], str]
-) -> None:
-    label = f"--set {key}"
-    if key == "band":
-        if str(value).strip().lower() != "none":
-            problems.append(f'{label}: only "band=none", or --set "frequency=0.1:100 Hz", will do {given(value)}')
-        tables.pop("band", None)
-        return
-    if key in ("title", "reference"):
-        tables[key] = value
-        origins[(key,)] = label
-        return
-    section, _, name = key.rpartition(".")
-    sections = _sections()
-    owners = [s for s, names in sections.items() if name in names and section in ("", s)]
-    if section == "sweep":
-        problems.append(f'{label}: an axis is replaced with --over "{name}={value}"')
-        return
-    if not owners:
-        known = sections.get(section, tuple(n for names in sections.values() for n in names))
-        problems.append(f"{label}: unknown name{suggestion(name, known)}")
-        return
-    if name in SWEEPABLE and name in _table(tables, "sweep"):
-        problems.append(f'{label}: {name} is swept by the case; give it one value with --over "{name}={value}"')
-        return
-    table = _table(tables, owners[0])
-    for group in (CONTACTS, ("frequency", "wavelength")):
-        if name in group:  # of the two, the one set last holds
-            for other in group:
-                table.pop(other, None)
-    if name == "spectrum" and value != "rational":
-        table.pop("roughness", None)
-        table.pop("cutoffs", None)
-    table[name] = value
-    origins[owners[0], name] = label
-
-
-def _apply_axis(
-    tables: dict[str, Any], key: str, value: str, problems: list[str], origins: dict[tuple[str, ...], str]
-) -> None:
-    name = key.removeprefix("sweep.")
-    if name not in (*SWEEPABLE, "frequency"):
-        problems.append(f"--over {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
-        return
-    sweep = _table(tables, "sweep")
-    for other in CONTACTS:
-        if name in CONTACTS and other != name:
-            sweep.pop(other, None)
-    sweep[name] = value
-    origins["sweep", name] = f"--over {key}"
 
 
 # --- validation ------------------------------------------------------------------------------------
@@ -418,19 +284,19 @@ def _problems(error: Any, file: str, where: Callable[..., str]) -> list[str]:
     at = tuple(str(part) for part in error["loc"])
     key = at[-1]
     place = where(*at)
-    sections = (*_sections(), "sweep", "confirm")
+    tables = (*sections(), "sweep", "confirm")
     got = given(error["input"])
     kind = error["type"]
     if kind == "value_error":
         return [f"{place}: {fault}" for fault in error["ctx"]["error"].args]
     if kind == "extra_forbidden" and len(at) > 1:
-        known = {**_sections(), "sweep": (*SWEEPABLE, "frequency"), "confirm": ("points",)}[at[0]]
+        known = {**sections(), "sweep": (*SWEEPABLE, "frequency"), "confirm": ("points",)}[at[0]]
         line = f"{place}: unknown {'axis' if at[0] == 'sweep' else 'key'}{suggestion(key, known)}"
     elif kind == "extra_forbidden" and isinstance(error["input"], dict):
-        line = f"{file}: [{key}]: unknown table{suggestion(key, sections)}"
+        line = f"{file}: [{key}]: unknown table{suggestion(key, tables)}"
     elif kind == "extra_forbidden":
-        line = f"{place}: unknown key{suggestion(key, ('schema_version', 'title', 'reference', *sections))}"
-    elif kind == "missing" and key in sections:
+        line = f"{place}: unknown key{suggestion(key, ('schema_version', 'title', 'reference', *tables))}"
+    elif kind == "missing" and key in tables:
         line = f"{file}: [{key}]: this table is missing"
     elif kind == "missing":
         example = PARAMETERS[key].example if key in PARAMETERS else ""
@@ -610,27 +476,3 @@ def _band(band: Any) -> Band | None:
     kind = "frequency" if band.frequency else "wavelength"
     low, high = getattr(band, kind)
     return Band(kind, low.value, high.value)
-
-
-# --- writing ---------------------------------------------------------------------------------------
-
-
-def to_toml(tables: Mapping[str, Any]) -> str:
-    """TOML text of parsed tables, one level deep as case files are: strings, numbers, lists, points."""
-
-    def value(item: object) -> str:
-        if isinstance(item, str):
-            return json.dumps(item, ensure_ascii=False).replace("\x7f", "\\u007f")
-        if isinstance(item, dict):
-            return "{ " + ", ".join(f"{k} = {value(v)}" for k, v in item.items()) + " }"
-        if isinstance(item, list):
-            return "[" + ", ".join(value(v) for v in item) + "]"
-        return str(item)
-
-    plain = [f"{k} = {value(v)}" for k, v in tables.items() if not isinstance(v, dict)]
-    sections = [
-        "\n".join([f"[{name}]", *(f"{k} = {value(v)}" for k, v in table.items())])
-        for name, table in tables.items()
-        if isinstance(table, dict)
-    ]
-    return "\n\n".join(["\n".join(plain), *sections]) + "\n"

@@ -239,7 +239,8 @@ def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None
 @_JSON
 def cases(name: str | None, as_json: bool) -> None:
     """List the cases that come with freqrail, or print the one called NAME."""
-    from freqrail.case import build_case, shipped_cases
+    from freqrail.case import build_case
+    from freqrail.casefile import shipped_cases
     from freqrail.names import suggestion
 
     shipped = shipped_cases()

@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 
 import freqrail
 from freqrail import case as case_module
-from freqrail.case import Case, build_case, load_case, shipped_cases, to_toml
+from freqrail.case import Case, build_case, load_case
+from freqrail.casefile import shipped_cases, to_toml
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE
 from freqrail.track import Band, RationalSpectrum
