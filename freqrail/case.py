@@ -98,19 +98,21 @@ def load_case(
     case: str | os.PathLike[str],
     settings: Mapping[str, str] | None = None,
     over: Mapping[str, str] | None = None,
+    scalars: bool = False,
 ) -> Case:
     """Read, change and check a case.
 
     case: path of a TOML file, or the name of a shipped case. settings: {"NAME" or "SECTION.NAME":
     value}, as `--set`; {"band": "none"} removes the band. over: {"NAME": axis}, as `--over`: replaces
-    the case's axis of that name or adds one after the others.
+    the case's axis of that name or adds one after the others. scalars: the case's scalars are what is wanted, so
+    that `settings` may name swept quantities too.
 
     Raises InputError with one line a problem for everything that is wrong with the file or the
     changes (see the README's case format), and warns (FreqrailWarning) of a joint softer
     than 1 % of its suspension spring.
     """
     name, file, text = find(case)
-    return build_case(text, settings, over, name=name, file=file)
+    return build_case(text, settings, over, name=name, file=file, scalars=scalars)
 
 
 def build_case(
@@ -120,17 +122,21 @@ def build_case(
     name: str = "case",
     file: str = "case",
     stray_points: bool = False,
+    scalars: bool = False,
 ) -> Case:
     """`load_case` of TOML text; `file` is the name that messages bear.
 
     stray_points: accept confirm points off the grid, as `settings` and `over` may leave them; confirming
     them is what fails then.
     """
+    for option, changes in (("settings", settings), ("over", over)):
+        if changes is not None and not isinstance(changes, Mapping):
+            raise InputError(f'{option}: a mapping is due, such as {{"speed": "250 km/h"}} {given(changes)}')
     tables = parse_toml(text, file)
     problems: list[str] = []
     origins: dict[tuple[str, ...], str] = {}
     for key, value in (settings or {}).items():
-        apply_setting(tables, key, value, problems, origins)
+        apply_setting(tables, key, value, problems, origins, scalars)
     for key, value in (over or {}).items():
         apply_axis(tables, key, value, problems, origins)
 

@@ -5,6 +5,7 @@ Here a case is its parsed tables, whatever they hold; `freqrail.case` says wheth
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -62,6 +63,8 @@ def _read(path: Path) -> str:
         data = path.read_bytes()
     except OSError as fault:
         raise InputError(f"{path}: cannot be read: {fault.strerror}") from None
+    if data.startswith((b"\x89HDF", b"CDF")):
+        raise InputError(f"{path}: is a NetCDF file, a case file is due")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(f"{path}: is UTF-16 text, a case file is UTF-8: save it anew with that encoding")
     try:
@@ -82,11 +85,18 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as fault:
-        raise InputError(f"{file}: not valid TOML: {fault}") from None
+        raise InputError(f"{file}: not valid TOML: {fault}{_quoted(text, str(fault))}") from None
     except ValueError:
         raise InputError(f"{file}: not valid TOML: a number with too many digits") from None
     except RecursionError:
         raise InputError(f"{file}: not valid as a case: nested too deeply") from None
+
+
+def _quoted(text: str, fault: str) -> str:
+    """The line of the file that a fault names, for the message."""
+    line = re.search(r"at line (\d+)", fault)
+    lines = text.splitlines()
+    return f" {given(lines[int(line[1]) - 1])}" if line and int(line[1]) <= len(lines) else ""
 
 
 # --- changes ----------------------------------------------------------------------------------------
@@ -107,8 +117,14 @@ def table_of(tables: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def apply_setting(
-    tables: dict[str, Any], key: str, value: str, problems: list[str], origins: dict[tuple[str, ...], str]
+    tables: dict[str, Any],
+    key: str,
+    value: str,
+    problems: list[str],
+    origins: dict[tuple[str, ...], str],
+    scalars: bool = False,
 ) -> None:
+    """Change one scalar of the tables; see `case.load_case` for `scalars`."""
     label = f"--set {key}"
     if key == "band":
         if str(value).strip().lower() != "none":
@@ -129,7 +145,7 @@ def apply_setting(
         known = known_keys.get(section, tuple(n for names in known_keys.values() for n in names))
         problems.append(f"{label}: unknown name{suggestion(name, known)}")
         return
-    if name in SWEEPABLE and name in table_of(tables, "sweep"):
+    if name in SWEEPABLE and name in table_of(tables, "sweep") and not scalars:
         problems.append(f'{label}: {name} is swept by the case; give it one value with --over "{name}={value}"')
         return
     table = table_of(tables, owners[0])
@@ -140,6 +156,9 @@ def apply_setting(
     if name == "spectrum" and value != "rational":
         table.pop("roughness", None)
         table.pop("cutoffs", None)
+    if name in ("cutoffs", "frequency", "wavelength") and str(value).lstrip().startswith("["):
+        with contextlib.suppress(tomllib.TOMLDecodeError):  # a list as in the file; else left to validation
+            value = tomllib.loads(f"list = {value}")["list"]
     table[name] = value
     origins[owners[0], name] = label
 

@@ -11,6 +11,7 @@ import contextlib
 import json
 import math
 import os
+import shlex
 import shutil
 import sys
 import threading
@@ -45,9 +46,19 @@ class _Assignment(click.ParamType):
 _CASE = click.argument("case", metavar="CASE")
 _RESULT = click.argument("result", metavar="RESULT.nc")
 _SET = click.option(
-    "--set", "settings", type=_Assignment(), multiple=True, help='Change a scalar: --set "bogie_mass=650 kg".'
+    "--set",
+    "settings",
+    type=_Assignment(),
+    multiple=True,
+    help='Change a scalar: --set "bogie_mass=650 kg", "frequency=0.5:80 Hz" or "band=none".',
 )
-_AT = click.option("--at", metavar="POINT", help='A grid point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m".')
+_AT = click.option(
+    "--at",
+    metavar="POINT",
+    multiple=True,
+    help='A grid point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the '
+    "case's own value.",
+)
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 
 
@@ -66,11 +77,17 @@ def cli() -> None:
 @click.option(
     "--over",
     type=_Assignment(),
+    metavar="NAME=AXIS",
     multiple=True,
     help='Sweep a quantity: --over "speed=100:300:10 km/h"; also "1, 5, inf MN/m" and "log:1:100:20 MN/m".',
 )
 @_SET
-@click.option("--responses", default="paper", show_default=True, help="paper, all, or NAME,NAME,...")
+@click.option(
+    "--responses",
+    default="paper",
+    show_default=True,
+    help="paper, all, or names of responses, such as bogie_acceleration,primary_stroke.",
+)
 @click.option("--psd", is_flag=True, help="Store spectra too.")
 @click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file.")
@@ -110,9 +127,10 @@ def sweep(
         _report(
             facts,
             as_json,
-            f"{plan.points} grid points ({grid}), both models",
+            f"{_count(plan.points, 'grid point')} ({grid}), both models",
             f"{target}: {_size(plan.stored_bytes)}, about {number(plan.seconds(jobs), 2)} s on {jobs} threads",
             "dry run: nothing computed, nothing written",
+            *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
         )
         return
     if output is None:
@@ -123,6 +141,7 @@ def sweep(
     elapsed = time.perf_counter() - start
     write_result(result, target, overwrite)
     failures = first_failures(result)
+    next_step = "plot" if plan.points > 1 else "show"
     error = largest_error(result)
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
     accuracy = (
@@ -131,10 +150,11 @@ def sweep(
     _report(
         facts,
         as_json,
-        f"{plan.points} grid points ({grid}), {len(plan.names)} responses, with joints and traditional",
+        f"{_count(plan.points, 'grid point')} ({grid}), {_count(len(plan.names), 'response')}, "
+        "with joints and traditional",
         f"band {result.attrs['band']}; {accuracy}",
         f"written: {target} ({_size(target.stat().st_size)}, computed in {number(elapsed, 2)} s)",
-        f"next: {_program()} plot {target}",
+        f"next: {_program()} {next_step} {shlex.quote(str(target))}",
     )
     if failures:
         raise NumericalError(*(f"{target}: {line}" for line in failures))
@@ -143,15 +163,21 @@ def sweep(
 @cli.command()
 @_RESULT
 @click.option("-o", "--output", metavar="FOLDER", help="Folder of the pictures; RESULT-figures unless given.")
-@click.option("--format", "file_format", type=click.Choice(PLOT_FORMATS), default="png", show_default=True)
+@click.option(
+    "--format",
+    "file_format",
+    type=click.Choice(PLOT_FORMATS),
+    default="png",
+    show_default=True,
+    help="Kind of picture.",
+)
 @_AT
-def plot(result: str, output: str | None, file_format: str, at: str | None) -> None:
+def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
     """Draw a result: RMS against speed and stiffness, maps, and spectra where they are stored."""
     from freqrail import figures
-    from freqrail.points import parse_point
     from freqrail.storage import open_result
 
-    point = parse_point(at) if at is not None else None
+    point = _one_point(at)
     dataset = open_result(result)
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
     for path in figures.plot(dataset, folder, file_format, point):
@@ -167,14 +193,14 @@ def plot(result: str, output: str | None, file_format: str, at: str | None) -> N
 @_SET
 @click.option("--check", is_flag=True, help="Only check that a result is whole; the digest is compared.")
 @_JSON
-def show(what: str, at: str | None, settings: Sequence[tuple[str, str]], check: bool, as_json: bool) -> None:
+def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], check: bool, as_json: bool) -> None:
     """Show a case with what follows from it, or a result; with --at, the numbers of one grid point."""
     if _is_result(what):
         if settings:
             raise InputError("--set: goes with a case; a result is what it is")
         _show_result(what, at, check, as_json)
-    elif at is not None or check:
-        raise InputError(f"{'--at' if at is not None else '--check'}: goes with a result, not with a case (got {what})")
+    elif at or check:
+        raise InputError(f"{'--at' if at else '--check'}: goes with a result, not with a case (got {what})")
     else:
         _show_case(what, _once(settings, "--set"), as_json)
 
@@ -183,7 +209,7 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
     from freqrail import summary
     from freqrail.case import load_case
 
-    case = load_case(what, settings)
+    case = load_case(what, settings, scalars=True)
     parts: dict[str, list[summary.Record]] = {
         "parameters": summary.case_parameters(case),
         "derived": summary.case_derived(case),
@@ -194,13 +220,12 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
     _report({"title": case.title, **parts}, as_json, "\n\n".join([summary.case_head(case), *tables]))
 
 
-def _show_result(what: str, at: str | None, check: bool, as_json: bool) -> None:
+def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
     from freqrail import summary
     from freqrail.dataset import first_failures
-    from freqrail.points import parse_point
     from freqrail.storage import open_result
 
-    point = parse_point(at) if at is not None else None
+    point = _one_point(at)
     dataset = open_result(what)
     if check:
         facts = {"file": what, "digest": dataset.attrs["content_digest"], "failures": first_failures(dataset)}
@@ -208,7 +233,8 @@ def _show_result(what: str, at: str | None, check: bool, as_json: bool) -> None:
         return
     if point is not None:
         where, records = summary.result_point(dataset, point)
-        _report({"point": where, "numbers": records}, as_json, where, summary.table(records))
+        columns = [column for column in records[0] if column != "variable"]
+        _report({"point": where, "numbers": records}, as_json, where, summary.table(records, columns))
         return
     parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
     tables = [summary.table(records) for records in parts.values() if records]
@@ -229,7 +255,7 @@ def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None
     from freqrail import summary
     from freqrail.case import load_case
 
-    loaded = load_case(case, _once(settings, "--set"))
+    loaded = load_case(case, _once(settings, "--set"), scalars=True)
     records = summary.mode_records(loaded)
     _report({"modes": records}, as_json, summary.case_head(loaded), "", summary.table(records))
 
@@ -251,6 +277,15 @@ def cases(name: str | None, as_json: bool) -> None:
         click.echo(shipped[name], nl=False)
     else:
         raise InputError(f"{name}: no shipped case of that name{suggestion(name, shipped)}")
+
+
+def _one_point(at: Sequence[str]) -> Any:
+    """The point of a single --at, None without one; these commands draw or show one point."""
+    from freqrail.points import parse_point
+
+    if len(at) > 1:
+        raise InputError(f"--at: given {len(at)} times; this command takes one point")
+    return parse_point(at[0]) if at else None
 
 
 # --- helpers ---------------------------------------------------------------------------------------
@@ -287,6 +322,10 @@ def _jsonable(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_jsonable(item) for item in value]
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _size(count: float) -> str:
@@ -347,6 +386,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except click.exceptions.Exit as stop:
         return stop.exit_code
+    except SystemExit:  # click's way to leave a closed pipe
+        return FileError.exit_code
     except click.exceptions.NoArgsIsHelpError as help_text:
         click.echo(help_text.format_message(), err=True)
         return 2

@@ -14,6 +14,7 @@ import math
 import os
 import platform
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,7 +25,8 @@ from numpy.typing import NDArray
 
 from freqrail import __version__, grid
 from freqrail.case import Case, load_case
-from freqrail.errors import InputError
+from freqrail.errors import FreqrailWarning, InputError
+from freqrail.modal import modes
 from freqrail.names import DIMENSIONS, JOINTS, PARAMETERS, RESPONSES, Response, suggestion
 from freqrail.quantities import Axis
 from freqrail.track import Band, band_limits
@@ -47,7 +49,7 @@ def sweep(
     settings: Mapping[str, str] | None = None,
     responses: str | Sequence[str] = "paper",
     psd: bool = False,
-    jobs: int = 1,
+    jobs: int | None = None,
     progress: Callable[[int], object] = lambda points: None,
 ) -> xr.Dataset:
     """Response RMS values over the grid of a case, as a labelled dataset.
@@ -55,7 +57,7 @@ def sweep(
     case: a `Case`, the path of a case file or the name of a shipped case. over: {"NAME": "AXIS"}, such
     as {"speed": "100:300:10 km/h"}, replaces the case's axis or adds one. settings: {"NAME": "VALUE"} for
     scalars. responses: "paper" (the paper's four), "all", or names of `names.RESPONSES`. psd: store
-    spectra too. jobs: threads. progress: called with the number of grid points just done.
+    spectra too. jobs: threads, all processors unless given. progress: called with the number of grid points just done.
 
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
     `<response>_rms_relative_error`, `status` and `method` per grid point, the same with the
@@ -71,6 +73,8 @@ def sweep(
         raise InputError("over and settings go with the path or name of a case: a Case is checked already")
     plan = Plan.of(case, responses, psd)
     _check_memory(plan)
+    _warn_of_rigid_rail(case)
+    jobs = jobs or os.cpu_count() or 1
     solutions, spectra = {}, {}
     for prefix, study in plan.studies.items():
         solutions[prefix] = grid.solve(study, jobs, progress)
@@ -125,7 +129,8 @@ class Plan:
         """Size of the dataset's numbers in bytes."""
         series = sum(max(1, len(RESPONSES[name].positions)) for name in self.names)
         lines = self.frequency.si.size if self.frequency is not None else 0
-        return sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.studies.values())
+        values = sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.studies.values())
+        return values + 6_000 * len(self.names) + 2 * len(self.case.text) + 50_000  # what HDF5 and attributes take
 
     def seconds(self, jobs: int) -> float:
         """Estimated wall time of the sweep in s, from timing a first block of each model."""
@@ -140,6 +145,24 @@ def _check_memory(plan: Plan) -> None:
         raise InputError(
             f"the grid is too large for this machine: {needed / 1e9:.3g} GB needed, {memory / 1e9:.3g} GB of memory; "
             "use fewer values or responses, or leave out the spectra"
+        )
+
+
+def _warn_of_rigid_rail(case: Case) -> None:
+    """Warn where the band takes in the wheelsets' resonance on the contact spring, which a real track does not have."""
+    try:
+        wheelset = max(modes(case.vehicle), key=lambda mode: mode.damped_frequency)
+    except InputError:
+        return  # numbers that overflow: the points' status says so
+    frequency = wheelset.damped_frequency
+    reached = case.band is None or band_limits(case.band, case.speeds()).max() > 2 * np.pi * frequency
+    if reached:
+        warnings.warn(
+            f"{case.name}: the band ({band_text(case.band)}) takes in the wheelsets' resonance on the rigid rail, "
+            f"{frequency:.0f} Hz with a damping ratio of {wheelset.damping_ratio:.1e}, which no real track has; "
+            'to leave it out: --set "frequency=0.1:100 Hz"',
+            FreqrailWarning,
+            stacklevel=3,
         )
 
 

@@ -8,6 +8,7 @@ above the panels, what its lines mean below them, so that neither covers data.
 from __future__ import annotations
 
 import os
+import shlex
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -103,7 +104,9 @@ def hint(dataset: xr.Dataset) -> str | None:
     """What to type to have spectra that `plot` can draw; None if the dataset stores them."""
     if _stored(dataset, "_psd"):
         return None
-    return f"no spectra stored; to plot them: freqrail sweep {dataset.attrs['case_name']} --psd"
+    name = str(dataset.attrs["case_name"])
+    command = f"freqrail sweep {shlex.quote(name)} --psd -o {shlex.quote(f'{name}-psd.nc')}"
+    return f"no spectra stored; to plot them: {command} (with the --set and --over of this result)"
 
 
 def _drawings(dataset: xr.Dataset, index: Mapping[str, int]) -> dict[str, Callable[[], Figure]]:

@@ -14,13 +14,14 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import residues, rms
 from freqrail.response import SERIES, response_psd, wheel_lags
-from freqrail.track import Band, RationalSpectrum, Spectrum, band_limits, kinks, singular_points
+from freqrail.track import Band, Spectrum, band_limits, kinks, singular_points
 from freqrail.vehicle import CHAINS, Vehicle, chain_system, ladder, poles, state_space
 
 STATUS = ("ok", "unresolved_peak", "undamped", "failed")
@@ -34,6 +35,7 @@ TOLERANCE = 1e-6
 
 REFINE_ABOVE = 1e-8  # a shared-node result whose estimate exceeds this is computed anew with nodes of its own
 SHARED_NODES = 6000  # more nodes than this are not worth sharing
+LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may take: about 1 GB of weights
 SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
 SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
 CLOSED_FORM_BLOCK = 10_000  # grid points of a block in closed form
@@ -91,24 +93,53 @@ def solve(study: Study, jobs: int = 1, progress: Progress = lambda points: None)
         status=np.full(shape, STATUS.index("unresolved_peak"), np.int8),
         method=np.zeros(shape, np.int8),
     )
-    if study.band is None and isinstance(study.spectrum, RationalSpectrum) and residues.applies(study.spectrum):
-        _solve_in_closed_form(study, study.spectrum, solution, jobs, progress)
+    if _in_closed_form(study):
+        _solve_in_closed_form(study, solution, jobs, progress)
     else:
         _solve_by_quadrature(study, solution, jobs, progress)
     _judge(study, solution)
     return solution
 
 
-def _solve_in_closed_form(
-    study: Study, spectrum: RationalSpectrum, solution: Solution, jobs: int, progress: Progress
-) -> None:
+def _in_closed_form(study: Study) -> bool:
+    return study.band is None and residues.applies(study.spectrum)
+
+
+def _solve_in_closed_form(study: Study, solution: Solution, jobs: int, progress: Progress) -> None:
     def part(cell: tuple[slice, ...]) -> None:
         vehicle = _cut(study.vehicle, cell)
-        block = residues.mean_squares(vehicle, study.names, spectrum, study.speed)
+        block = residues.mean_squares(vehicle, study.names, study.spectrum, study.speed)
         _store(solution, cell, block, "closed_form")
         progress(math.prod(vehicle.shape) * study.speed.size)
 
     _run(part, _cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size), jobs)
+    _run(partial(_improve, study, solution), _inaccurate(study, solution), jobs)
+
+
+def _inaccurate(study: Study, solution: Solution) -> list[tuple[int, ...]]:
+    """Damped vehicles with an error estimate above REFINE_ABOVE, or none at all, at some speed."""
+    worst = np.max([np.max(e, axis=(0, -1)) for e in solution.relative_error.values()], axis=0)
+    damped = np.greater(study.vehicle.primary_damping, 0)
+    return [tuple(map(int, i)) for i in np.argwhere(~(worst <= REFINE_ABOVE) & damped)]
+
+
+def _improve(study: Study, solution: Solution, index: tuple[int, ...]) -> None:
+    """Quadrature for one vehicle, kept at the speeds where its error estimates are the smaller ones."""
+    own = replace(solution, rms={}, relative_error={})
+    squares = _own_quadrature(study, index)
+    cell = tuple(slice(i, i + 1) for i in index)
+    for name, square in squares.items():
+        with np.errstate(invalid="ignore", divide="ignore"):
+            own.rms[name] = np.sqrt(square.value)
+            own.relative_error[name] = square.error / square.value / 2
+    before = np.max([np.max(e[(slice(None), *cell)], axis=0) for e in solution.relative_error.values()], axis=0)
+    after = np.max([np.max(e, axis=0) for e in own.relative_error.values()], axis=0)
+    better = (after < before) | ~np.isfinite(before)
+    for old, new in ((solution.rms, own.rms), (solution.relative_error, own.relative_error)):
+        for name in old:
+            part = old[name][(slice(None), *cell)]
+            old[name][(slice(None), *cell)] = np.where(better, new[name], part)
+    solution.method[cell] = np.where(better, METHOD.index("own_quadrature"), solution.method[cell])
 
 
 def _solve_by_quadrature(study: Study, solution: Solution, jobs: int, progress: Progress) -> None:
@@ -159,6 +190,13 @@ def psd(
 
 def seconds(study: Study, jobs: int = 1) -> float:
     """Estimated wall time of `solve`, s, from timing the first block of this grid."""
+    if _in_closed_form(study):
+        cell = _cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size)[0]
+        first = _cut(study.vehicle, cell)
+        start = time.perf_counter()
+        residues.mean_squares(first, study.names, study.spectrum, study.speed)
+        once = time.perf_counter() - start
+        return once * math.prod(study.vehicle.shape) / math.prod(first.shape) / jobs
     edges, _ = _shared_edges(study)
     start = time.perf_counter()
     if edges is None:
@@ -207,8 +245,11 @@ def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.
             return None, np.array(np.nan)  # between the vehicles sampled, such a peak could pass through the nodes
     lag = max(float(wheel_lags(study.vehicle.at(index), study.speed.min())[-1]) for index in sample)
     everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
+    lost = rms.rounding(resonances, _limits(study))
+    if rms.fewest_nodes(first, lag) > SHARED_NODES:
+        return None, lost
     edges = rms.panel_edges(first, everything, lag)
-    return (edges if (edges.size - 1) * 21 <= SHARED_NODES else None), rms.rounding(resonances, _limits(study))
+    return (edges if (edges.size - 1) * rms.PANEL_NODES <= SHARED_NODES else None), lost
 
 
 def _sample(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
@@ -274,16 +315,16 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
     """Mean squares of one vehicle at every speed with nodes placed for it alone, twice as dense."""
     vehicle = study.vehicle.at(index)
     resonances = poles(vehicle)
-    if not np.isfinite(resonances).all():
+    lag = float(wheel_lags(vehicle, study.speed.min())[-1])
+    finite = np.isfinite(resonances).all()
+    first = _first_edges(study, resonances) if finite else np.zeros(2)
+    if not finite or 2 * rms.fewest_nodes(first, lag) * study.speed.size > LARGEST_RULE:
         nothing = {
             k: np.full((len(SERIES[k].positions), *(1,) * len(index), study.speed.size), np.nan) for k in study.names
         }
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     edges = rms.panel_edges(
-        _first_edges(study, resonances),
-        np.concatenate([resonances, singular_points(study.spectrum, study.speed)]),
-        float(wheel_lags(vehicle, study.speed.min())[-1]),
-        refine=2.0,
+        first, np.concatenate([resonances, singular_points(study.spectrum, study.speed)]), lag, refine=2.0
     )
     rule = rms.quadrature(edges)
     weights = rms.lag_weights(vehicle, study.spectrum, rule, study.speed, _limits(study))
@@ -339,6 +380,9 @@ def _run(task: Callable, items: list, jobs: int) -> None:
         for item in items:
             task(item)
         return
-    with ThreadPoolExecutor(jobs) as pool:
+    pool = ThreadPoolExecutor(jobs)
+    try:
         for future in [pool.submit(task, item) for item in items]:
             future.result()
+    finally:
+        pool.shutdown(cancel_futures=True)  # an interruption waits for the blocks at work, not for those in line

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.errors import InputError
 from freqrail.vehicle import CHAINS, System, Vehicle, chain_system, state_space
 
 _WORDS = {
@@ -58,7 +59,8 @@ def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
     """All modes of a single vehicle, oscillations first, by natural frequency.
 
     Oscillations are named after the body that holds most of the kinetic energy; what decays without
-    oscillating is named after the damper joint or body that it moves most. A 26-state vehicle has ten
+    oscillating is named after the damper joint or body that it moves most. Raises InputError if the numbers
+    overflow. A 26-state vehicle has ten
     modes and six joint relaxations, less where a mode is overdamped. Source: eigenvalues of eq. (10).
     """
     found: list[Mode] = []
@@ -74,6 +76,8 @@ def _renamed(modes: list[Mode], words: str) -> list[Mode]:
 
 def _chain_modes(system: System, chain: str) -> list[Mode]:
     model = state_space(system)
+    if not np.isfinite(model.a).all():
+        raise InputError("the vehicle's numbers are too far apart for double precision: no modes")
     values, vectors = np.linalg.eig(model.a)
     n = len(system.freedoms)
     displacement = vectors[-n:]

@@ -12,7 +12,7 @@ lags, hence of J's.
 
 Where two poles of a chain merge (critical damping) or a vehicle's pole meets one of the spectrum's, the
 residues of the two grow without bound and cancel, though their sum is smooth. There the value is
-interpolated from vehicles with slightly more and less damping (`_by_interpolation`).
+interpolated from vehicles with slightly more and less damping.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from freqrail.response import SERIES, Series, column_signs, descend
 from freqrail.rms import MeanSquare
-from freqrail.track import RationalSpectrum
+from freqrail.track import RationalSpectrum, Spectrum
 from freqrail.vehicle import CHAINS, Vehicle, ladder, leg_dynamic_stiffness
 
 Number = Any
@@ -68,7 +68,7 @@ MEETING = 1e-3  # a vehicle's pole closer than this to one of the spectrum's, re
 LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
 SPREAD, SUPPORT = 0.12, 12  # half-width (relative, of the dampings) and number of the interpolation's nodes
 
-LOSS = 5e-12  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
+LOSS = 2e-11  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
 EPSILON = np.finfo(float).eps
 
 
@@ -93,7 +93,7 @@ class Modal:
 
 
 def chain_poles(vehicle: Vehicle, chain: str) -> NDArray[np.complex128]:
-    """Poles of a chain for a grid of vehicles, rad/s: [grid..., n], those of missing states at -inf."""
+    """Poles of a chain for a grid of vehicles, rad/s: [grid..., n], those of missing states at -2 FAR."""
     masses, legs = ladder(vehicle, chain)
     shape = np.broadcast_shapes(*(np.shape(x) for x in (*masses, *(v for leg in legs for v in leg))))
     shape = np.broadcast_shapes(shape, np.shape(vehicle.contact_stiffness))
@@ -152,7 +152,7 @@ def modal(vehicle: Vehicle, chain: str) -> Modal:
     with np.errstate(divide="ignore", invalid="ignore"):
         residues = {name: np.where(near, ratio / slope, 0.0) for name, ratio in ratios.items()}
     weight = np.where(p.imag > 0, 2.0, np.where(p.imag < 0, 0.0, 1.0)) * near
-    order = np.argsort(-weight, axis=-1, kind="stable")[..., : int(np.max(np.sum(weight > 0, axis=-1)))]
+    order = np.argsort(-weight, axis=-1, kind="stable")[..., : max(1, int(np.max(np.sum(weight > 0, axis=-1))))]
     return Modal(p, residues, order, np.take_along_axis(weight, order, axis=-1))
 
 
@@ -168,7 +168,11 @@ def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> tuple[N
         1.0 + (masses[-1] * p * p + vehicle.contact_stiffness) / leg_dynamic_stiffness(*legs[-1], p)
     )
     beyond = _beyond(vehicle, p)
-    ratios["wheelset"] = np.where(beyond, up, ratios["wheelset"])
+    # and far below it, where it hardly moves either, from the momentum of the bodies above it
+    above = sum(m * ratios[b] for m, b in zip(masses[:-1], bodies[:-1], strict=True))
+    still = -p * p * above / (vehicle.contact_stiffness + masses[-1] * p * p)
+    below = np.abs(p) ** 2 < 0.1 * vehicle.contact_stiffness / vehicle.wheelset_mass
+    ratios["wheelset"] = np.where(beyond, up, np.where(below, still, ratios["wheelset"]))
     ratios["primary"] = np.where(beyond, ratios["bogie"] - up, ratios["primary"])
     bend = sum(2 * p * m * np.square(ratios[b]) for m, b in zip(masses, bodies, strict=True))
     kinetic = sum(2 * m * np.abs(ratios[b]) ** 2 for m, b in zip(masses, bodies, strict=True))
@@ -187,14 +191,16 @@ def _beyond(vehicle: Vehicle, p: NDArray[np.complex128]) -> NDArray[np.bool_]:
 # --- sums of residues ------------------------------------------------------------------------------
 
 
-def applies(spectrum: RationalSpectrum) -> bool:
-    """Whether a spectrum's poles are simple, which the closed form takes for granted."""
+def applies(spectrum: Spectrum) -> bool:
+    """Whether a spectrum is rational with simple poles, which the closed form takes for granted."""
+    if not isinstance(spectrum, RationalSpectrum):
+        return False
     low, high = spectrum.cutoffs
     return abs(low - high) > 1e-3 * (low + high)
 
 
 def mean_squares(
-    vehicle: Vehicle, names: tuple[str, ...], spectrum: RationalSpectrum, speed: NDArray[np.float64]
+    vehicle: Vehicle, names: tuple[str, ...], spectrum: Spectrum, speed: NDArray[np.float64]
 ) -> dict[str, MeanSquare]:
     """Mean squares over the whole axis of the named responses, for a grid of vehicles and every speed.
 
@@ -202,6 +208,8 @@ def mean_squares(
     [positions, grid..., speeds]. The error estimate counts what the terms lose when they cancel. Every pole must
     be damped; the two cutoffs of the spectrum must differ.
     """
+    if not isinstance(spectrum, RationalSpectrum):
+        raise TypeError(f"the closed form is for rational spectra (got {type(spectrum).__name__})")
     if vehicle.shape == ():
         single = mean_squares(vehicle.map(lambda field: np.reshape(field, 1)), names, spectrum, speed)
         return {name: MeanSquare(square.value[:, 0], square.error[:, 0]) for name, square in single.items()}
@@ -252,13 +260,13 @@ def _sum_of_residues(
     for x in CHAINS:
         rows = [(name, c) for name, c in terms if any(x == first for first, _, _ in PRODUCTS[c])]
         if rows:
-            for row, term in zip(rows, _chain_terms(chains, x, rows, distances, spectrum, speed), strict=True):
+            for row, term in zip(rows, _chain_terms(vehicle, chains, x, rows, distances, spectrum, speed), strict=True):
                 terms[row].append(term)
     for track in _track_poles(vehicle, distances, spectrum, speed):
         for (name, c), found in terms.items():
             extra = track.term(SERIES[name], c)
-            found.append((extra, np.abs(extra)))
-    shape, loss = (*vehicle.shape, speed.size), _loss(chains)
+            found.append((extra, LOSS * np.abs(extra)))
+    shape = (*vehicle.shape, speed.size)
     result = {}
     for name in names:
         series = SERIES[name]
@@ -266,7 +274,7 @@ def _sum_of_residues(
         scale = np.pi / np.square(np.asarray(getattr(vehicle, series.arm) if series.arm else 1.0))[..., None]
         for c in columns[name]:
             total = scale * sum(term for term, _ in terms[name, c])
-            uncertain = scale * loss * sum(size for _, size in terms[name, c])
+            uncertain = scale * sum(error for _, error in terms[name, c])
             for place, position in enumerate(series.positions):
                 sign = column_signs(position)[c]
                 value[place] += sign * total
@@ -281,6 +289,7 @@ def _columns(series: Series) -> list[int]:
 
 
 def _chain_terms(
+    vehicle: Vehicle,
     chains: dict[str, Modal],
     x: str,
     rows: list[tuple[str, int]],
@@ -288,31 +297,49 @@ def _chain_terms(
     spectrum: RationalSpectrum,
     speed: NDArray[np.float64],
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """What the poles of chain x add to each row (series, column): (value, sum of sizes), [grid..., speeds] each.
+    """What the poles of chain x add to each row (series, column): (value, error), [grid..., speeds] each.
 
     One matrix product a vehicle: coefficients [rows, parts of poles and lags] times waves [.., speeds].
+
+    Y(-p) is read off the chain directly where the pole p is well damped: there the way down adds positive terms
+    only. Of a lightly damped pole it comes from partial fractions, which near the mirror image of another pole see
+    the true distance and no difference of large numbers. Where both are known their difference doubts the residue:
+    a wrong residue r of p shows in the partial fractions at -p as r/(2 p).
     """
     chain = chains[x]
     p = chain.take(chain.poles)
     near = {y: -1.0 / (p[..., :, None] + other.poles[..., None, :]) for y, other in chains.items()}
-    heads = {}
+    direct = {y: _mirrored(vehicle, y, p) for y in chains}
+    damped = np.abs(p.real) > LIGHT * np.abs(p)
+    loss = _loss(chains)[..., None]
+    heads, doubts = {}, {}
     for name in dict.fromkeys(name for name, _ in rows):
         series = SERIES[name]
-        head = chain.weight * chain.take(chain.residues[series.quantity]) * p ** (2 * series.derivative)
+        quantity, scale = series.quantity, chain.weight * p ** (2 * series.derivative)
+        fractions = {y: np.sum(near[y] * chains[y].residues[quantity][..., None, :], axis=-1) for y in series.chains}
+        apart = 2 * np.abs(p * (fractions[x] - direct[x][quantity])) * damped
         for y in series.chains:
-            # Y(-p) by partial fractions, which near the mirror image of a lightly damped pole see the true
-            # distance p + pole and no difference of large numbers
-            heads[name, y] = head * np.sum(near[y] * chains[y].residues[series.quantity][..., None, :], axis=-1)
+            mirrored = np.where(damped, direct[y][quantity], fractions[y])
+            heads[name, y] = scale * chain.take(chain.residues[quantity]) * mirrored
+            doubts[name, y] = np.abs(scale * mirrored) * apart
     coefficients = [sum(f * heads[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     weight = np.stack(np.broadcast_arrays(*coefficients), axis=-2)
+    doubtful = [sum(abs(f) * doubts[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
+    uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*doubtful), axis=-2)
     lags = LAG_SUMS[[c for _, c in rows]]
     waves, density = _waves(p, distances, spectrum, speed)
     parts = np.stack([weight.real, -weight.imag], axis=-2)[..., None, :] * lags[:, None, :, None]
     value = parts.reshape(*parts.shape[:-3], -1) @ waves
     # all lagged waves of a pole are smaller than its density
-    size = (np.abs(weight) * np.sum(np.abs(lags), axis=-1)[:, None]) @ density
+    error = (uncertain * np.sum(np.abs(lags), axis=-1)[:, None]) @ density
     for row in range(len(rows)):
-        yield value[..., row, :], size[..., row, :]
+        yield value[..., row, :], error[..., row, :]
+
+
+def _mirrored(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> dict[str, Number]:
+    """Elements of a chain per metre of track at -p, [grid..., k], from the way down."""
+    track, ratios = descend(vehicle.column(), chain, -p, p * p)
+    return {name: ratio / track for name, ratio in ratios.items()}
 
 
 def _loss(chains: dict[str, Modal]) -> NDArray[np.float64]:

@@ -74,7 +74,7 @@ NARROWEST = 1e-13  # panels are not halved below this fraction of their frequenc
 
 TILE = 16  # rows of every matrix product
 
-ROUNDING = 1e-13
+ROUNDING = 1e-12
 """Relative floor of every error estimate: what summing a few thousand products in double precision loses."""
 
 
@@ -121,6 +121,14 @@ def panel_edges(
         middle = (low[split] + high[split]) / 2
         low, high = np.concatenate([low[split], middle]), np.concatenate([middle, high[split]])
     return np.append(np.sort(np.concatenate(done)), edges[-1])
+
+
+PANEL_NODES = 21
+
+
+def fewest_nodes(edges: NDArray[np.float64], longest_lag: float) -> float:
+    """Nodes that the lags alone call for between edges in rad/s, whatever the poles; longest_lag in s."""
+    return PANEL_NODES * float(edges[-1] - edges[0]) * longest_lag / PHASE_REACH
 
 
 def quadrature(edges: NDArray[np.float64]) -> Quadrature:
@@ -221,14 +229,16 @@ def _product(power: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray
 def rounding(poles: NDArray[np.complex128], limits: NDArray[np.float64]) -> NDArray[np.float64]:
     """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles`, rad/s.
 
-    Near a resonance the response is a difference of large numbers: rounding over the damping ratio, twice for
-    the square.
+    Near a resonance the response is a difference of large numbers: rounding over the distance of the band from the
+    pole, relative to its frequency (the damping ratio, if the band holds the resonance). In a narrow band the
+    differences of the nodes carry the rounding of their frequencies.
     """
     frequency = np.abs(poles.imag)[:, None]
-    inside = (frequency >= limits[0]) & (frequency <= limits[1]) & (frequency > 0)
+    outside = np.maximum(0.0, np.maximum(limits[0] - frequency, frequency - limits[1]))
     with np.errstate(divide="ignore", invalid="ignore"):
-        sharpness = np.where(inside, np.abs(poles / poles.real)[:, None], 0.0)
-    return ROUNDING + 2 * np.finfo(float).eps * np.max(sharpness, axis=0, initial=0.0)
+        sharpness = np.where(frequency > 0, np.abs(poles)[:, None] / np.hypot(outside, poles.real[:, None]), 0.0)
+        narrow = np.where(np.isfinite(limits[1]), limits[1] / (limits[1] - limits[0]), 1.0)
+    return ROUNDING + 4 * np.finfo(float).eps * (np.max(sharpness, axis=0, initial=0.0) + narrow)
 
 
 def truncation_bound(

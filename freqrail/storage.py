@@ -7,11 +7,13 @@ read checks that digest. One thread of one process touches NetCDF: the library i
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import xarray as xr
 
@@ -50,7 +52,8 @@ def check_target(
     if new_folder and not folder.exists():
         folder = folder.parent
     if not folder.is_dir():
-        raise FileError(f"{folder}: no such folder; make it, or name another with -o")
+        what = "is not a folder" if folder.exists() else "no such folder; make it"
+        raise FileError(f"{folder}: {what}, or name another with -o")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"{folder}: this folder cannot be written")
     free = shutil.disk_usage(folder).free
@@ -84,7 +87,8 @@ def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: b
         _flush(target.parent)
     except (OSError, RuntimeError) as fault:
         temporary.unlink(missing_ok=True)
-        words = getattr(fault, "strerror", None) or str(fault)
+        full = shutil.disk_usage(target.parent).free < 2 * dataset.nbytes  # the library does not say so
+        words = "no space left on the disk" if full else getattr(fault, "strerror", None) or str(fault)
         raise FileError(f"{target}: cannot be written: {words}") from None
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -103,7 +107,7 @@ def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
         raise InputError(f"{path}: only local files are read")
     if not source.is_file():
         what = "is a folder" if source.is_dir() else "no such file"
-        raise InputError(f"{source}: {what}; a result of `freqrail sweep` is due")
+        raise InputError(f"{source}: {what}; a result of `freqrail sweep`, such as results/CASE.nc, is due")
     try:
         with source.open("rb") as stream:
             head = stream.read(8)
@@ -112,27 +116,32 @@ def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
     if not head.startswith(_MAGIC):
         raise InputError(f"{source}: is not a NetCDF file" + (" (it is empty)" if not head else ""))
     try:
+        with netCDF4.Dataset(source) as raw:
+            _check_head(raw, source)
         with xr.open_dataset(source, engine="netcdf4") as lazy:
-            _check_head(lazy, source)
             dataset = lazy.load()
     except InputError:
         raise
     except Exception as fault:  # a damaged file raises whatever the layers below happen to hit
         raise InputError(f"{source}: damaged, cannot be read as NetCDF ({type(fault).__name__})") from None
     if content_digest(dataset) != dataset.attrs["content_digest"]:
-        raise InputError(f"{source}: damaged: its content does not match its digest; compute it anew")
+        raise InputError(
+            f"{source}: changed since freqrail wrote it, or damaged: its content does not match its digest; "
+            "compute it anew"
+        )
     return dataset
 
 
-def _check_head(lazy: xr.Dataset, source: Path) -> None:
-    version = lazy.attrs.get("dataset_schema_version")
-    if version is None or "content_digest" not in lazy.attrs:
+def _check_head(raw: netCDF4.Dataset, source: Path) -> None:
+    """Refuse what is no result of freqrail, or claims more than it holds, before anything of it is loaded."""
+    version = getattr(raw, "dataset_schema_version", None)
+    if version is None or "content_digest" not in raw.ncattrs():
         raise InputError(f"{source}: is not a result of freqrail (no dataset_schema_version)")
     if int(version) > SCHEMA_VERSION:
         raise InputError(
             f"{source}: has schema {int(version)}, this freqrail reads up to {SCHEMA_VERSION}; update freqrail"
         )
-    declared = sum(variable.nbytes for variable in lazy.variables.values())
+    declared = sum(math.prod(v.shape) * np.dtype(v.dtype).itemsize for v in raw.variables.values())
     if declared > _EXPANSION * max(source.stat().st_size, 1_000_000):
         raise InputError(f"{source}: declares {declared:.3g} bytes of data, far more than the file holds")
 

@@ -196,9 +196,15 @@ def result_axes(dataset: xr.Dataset) -> list[Record]:
 
 
 def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[str, list[Record]]:
-    """One grid point in words, and its numbers: RMS with and without joints at every position."""
+    """One grid point in words, with why it has no result if so, and its numbers: RMS with and without joints
+    at every position."""
     indices = locate(dataset, point)
     where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
+    for prefix, words in MODELS.items():
+        flags = dataset[f"{prefix}status"]
+        status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
+        if status:
+            where += f"\n{words}: no result, status {str(flags.attrs['flag_meanings']).split()[status]}"
     records: list[Record] = []
     for name, response in RESPONSES.items():
         if f"{name}_rms" not in dataset:
@@ -211,6 +217,7 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[str, list[Re
             joint, rigid, error = (float(v[place]) for v in values.values())
             records.append(
                 {
+                    "variable": f"{name}_rms",
                     "response": response.long_name,
                     "at": str(label) if response.dimension != "axle" else f"axle {label}",
                     "RMS": joint * response.shown_scale,

@@ -320,7 +320,7 @@ UNREADABLE = {
         "not valid as a case: nested too deeply",
     ),
     "too large": (b"#" * 1_000_001, "too large for a case file (got 1000001 bytes, limit 1000000)"),
-    "a NetCDF file": (b"\x89HDF\r\n\x1a\n" + b"\0" * 50, "is not UTF-8 text (byte 0 is 0x89)"),
+    "a NetCDF file": (b"\x89HDF\r\n\x1a\n" + b"\0" * 50, "is a NetCDF file, a case file is due"),
 }
 
 

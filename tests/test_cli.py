@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +104,7 @@ def test_points_without_a_result_end_with_3_and_a_file_that_says_so(here, capsys
     assert run(["sweep", "yu-damper-joint", *arguments, "-o", "u.nc"]) == 3
     data = freqrail.open_result("u.nc")
     assert np.isnan(data.bogie_acceleration_rms).all()
-    told = lines(capsys)
+    told = [line for line in lines(capsys) if line.startswith("freqrail: error: ")]
     assert len(told) == 2  # one a model
     assert all("2 undamped" in line and "the first at" in line for line in told)
 
@@ -281,6 +283,64 @@ def test_a_closed_pipe_is_quiet(here):
     ) as process:
         process.stdout.close()
         assert process.stderr.read() == b""
+    assert process.returncode == 4
+
+
+def test_modes_and_show_take_any_scalar_also_of_a_swept_quantity(capsys):
+    def softest(*arguments: str) -> float:
+        assert run(["modes", "yu-damper-joint", "--json", *arguments]) == 0
+        modes = json.loads(capsys.readouterr().out)["modes"]
+        return min(mode["damping"] for mode in modes if mode["damping"])
+
+    assert softest("--set", "primary_joint_stiffness=0.5 MN/m") < 0.1 * softest()
+    assert run(["show", "yu-damper-joint", "--set", "speed=100 km/h"]) == 0
+    assert "100 km/h" in capsys.readouterr().out
+
+
+def test_two_points_where_one_is_shown_are_refused(result, capsys):
+    assert run(["show", str(result), "--at", "speed=200 km/h", "--at", "speed=250 km/h"]) == 2
+    assert "takes one point" in lines(capsys)[0]
+
+
+def test_a_point_without_a_result_says_why(here, capsys):
+    over = ["--over", "speed=250 km/h", "--over", "primary_damping=0, 17 kN*s/m", *SMALL[2:]]
+    assert run(["sweep", "yu-damper-joint", *over, "-o", "u.nc"]) == 3
+    assert run(["show", "u.nc", "--at", "primary_damping=0 kN*s/m"]) == 0
+    assert "no result, status undamped" in capsys.readouterr().out
+
+
+def test_a_band_that_takes_in_the_rigid_rail_resonance_is_warned_of(here, capsys):
+    for setting in ("band=none", "frequency=0.1:250 Hz"):
+        assert run(["sweep", "yu-damper-joint", *SMALL, "--set", setting, "-o", f"{setting[:4]}.nc"]) == 0
+        assert any("195 Hz with a damping ratio of 1.4e-04" in line for line in lines(capsys))
+    assert run(["sweep", "yu-damper-joint", *SMALL, "-o", "default.nc"]) == 0
+    assert lines(capsys) == []
+
+
+def test_numbers_beyond_all_measure_are_failed_points_and_no_traceback(here):
+    extreme = (["--set", "band=none", "--set", "wheelset_mass=1e-300 kg"], ["--over", "speed=0.001 km/h"])
+    for k, change in enumerate(extreme):
+        rest = [] if "--over" in change else ["--over", "speed=250 km/h"]
+        done = command("sweep", "yu-damper-joint", *change, *rest, *SMALL[2:], "-o", f"{k}.nc", cwd=here)
+        assert done.returncode == 3, done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_an_interrupted_sweep_stops_at_once_and_leaves_nothing(here):
+    over = ("--over", "speed=50:350:0.1 km/h", "--over", "primary_joint_stiffness=log:0.5:100:200 MN/m")
+    with subprocess.Popen(
+        [sys.executable, "-m", "freqrail", "sweep", "yu-damper-joint", *over, "-o", "o.nc"],
+        cwd=here,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        time.sleep(4)
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert told.splitlines()[-1] == "freqrail: interrupted"
+    assert not any(here.iterdir())
 
 
 def test_a_grid_beyond_the_memory_is_refused_before_it_is_allocated(here, capsys, monkeypatch):

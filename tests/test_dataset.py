@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -238,6 +239,7 @@ def test_attributes_tell_where_the_numbers_come_from(result):
         assert result.attrs[name]
 
 
+@pytest.mark.filterwarnings("ignore:.*rigid rail:freqrail.errors.FreqrailWarning")
 def test_a_result_carries_all_that_repeats_it(result):
     """Settings and axes are in its effective case, from which alone the same sweep follows."""
     changed = freqrail.sweep(
@@ -254,6 +256,7 @@ def test_jobs_change_no_bit(result):
     xr.testing.assert_equal(freqrail.sweep(CASE, over=SMALL, jobs=2), result)
 
 
+@pytest.mark.filterwarnings("ignore:.*rigid rail:freqrail.errors.FreqrailWarning")
 def test_a_default_spectrum_covers_the_band():
     found = freqrail.sweep(CASE, over=one_point(), psd=True, responses="primary_stroke")
     frequency = found["frequency"].values
@@ -370,8 +373,39 @@ def test_a_flipped_bit_is_noticed(written, result, target):
     assert place > 0
     data[place] ^= 1
     written.write_bytes(data)
-    with pytest.raises(InputError, match=r"damaged"):
+    with pytest.raises(InputError, match=r"damaged|not a result"):
         freqrail.open_result(written)
+
+
+def test_a_file_that_another_program_changed_is_refused(written):
+    """Well-formed NetCDF with other numbers, words or variables: only the digest can tell."""
+    pristine = written.read_bytes()
+
+    def value(file: netCDF4.Dataset) -> None:
+        file["bogie_acceleration_rms"][0, 0, 0, 0] *= 1 + 1e-12
+
+    def label(file: netCDF4.Dataset) -> None:
+        file["speed"][0] = 101.0
+
+    def unit(file: netCDF4.Dataset) -> None:
+        file["speed"].units = "m/s"
+
+    def word(file: netCDF4.Dataset) -> None:
+        file.title = "another"
+
+    def variable(file: netCDF4.Dataset) -> None:
+        file.createVariable("extra", "f8", ("speed",))[:] = 1.0
+
+    for change in (value, label, unit, word, variable):
+        written.write_bytes(pristine)
+        with netCDF4.Dataset(written, "a") as file:
+            change(file)
+        with pytest.raises(InputError, match="does not match its digest"):
+            freqrail.open_result(written)
+    written.write_bytes(pristine)
+    with netCDF4.Dataset(written, "a") as file:
+        file.history = f"{file.history}; looked at"  # what tools append to is not part of the content
+    freqrail.open_result(written)
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.001, 0.3, 0.7, 0.95])

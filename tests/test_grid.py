@@ -18,7 +18,7 @@ from helpers import (
 )
 from scipy.linalg import solve_continuous_lyapunov
 
-from freqrail import grid
+from freqrail import grid, rms
 from freqrail.response import SERIES, chain_responses, track_response
 from freqrail.track import Band, RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.vehicle import Vehicle, chain_system, poles, state_space
@@ -190,6 +190,23 @@ def test_random_vehicles_in_a_band_within_their_own_error_estimates():
         for name in ALL_NAMES:
             error = np.abs(solution.rms[name][:, 0] / expected[name] - 1)
             assert np.all(error <= solution.relative_error[name][:, 0] + 3e-13)
+
+
+def test_estimates_of_a_grid_are_never_below_its_errors(monkeypatch):
+    """With panels twice too long there is an error to estimate; what is passed on covers it."""
+    monkeypatch.setattr(rms, "POLE_REACH", 2 * rms.POLE_REACH)
+    monkeypatch.setattr(grid, "REFINE_ABOVE", np.inf)
+    monkeypatch.setattr(grid, "TOLERANCE", 1.0)
+    speeds, largest = np.array([20.0, 70.0]), 0.0
+    for vehicle in random_vehicles(10, seed=71, joints=(2e6, 100e6)):
+        solution = solve(vehicle, speeds)
+        for k, speed in enumerate(speeds):
+            expected = reference_rms(vehicle, TRACK, speed, 0.2 * np.pi, 200 * np.pi, transfer=from_chains)
+            for name in PAPER_NAMES:
+                error = np.abs(solution.rms[name][:, k] / expected[name] - 1)
+                assert np.all(error <= solution.relative_error[name][:, k])
+                largest = max(largest, error.max())
+    assert largest > 1e-9
 
 
 def test_the_whole_axis_agrees_with_residues_of_the_assembled_system(paper_vehicle):
@@ -391,6 +408,19 @@ def test_a_vehicle_that_overflows_fails_and_its_neighbour_does_not(paper_vehicle
     with np.errstate(all="ignore"):
         solution = solve(many, [60.0])
     assert_without_result(solution, np.array([[True], [False]]), "failed")
+
+
+@pytest.mark.parametrize(
+    "band",
+    [
+        PAPER_BAND,
+        None,
+    ],
+)
+def test_a_single_vehicle_that_overflows_fails_and_raises_nothing(paper_vehicle, band):
+    with np.errstate(all="ignore"):
+        solution = solve(replace(paper_vehicle, wheelset_mass=1e-305), [60.0], band)
+    assert_without_result(solution, np.array([True]), "failed")
 
 
 def test_fields_broadcast_as_arrays_do(paper_vehicle):

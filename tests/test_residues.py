@@ -157,3 +157,27 @@ def test_equal_cutoffs_are_left_to_quadrature(paper_vehicle):
     assert np.all(beside.method == grid.METHOD.index("closed_form"))
     for name in NAMES[:4]:
         assert solution.rms[name] == pytest.approx(beside.rms[name], rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("change", "speed"),
+    [
+        ({"secondary_joint_stiffness": 5e3}, 250),
+        ({"secondary_joint_stiffness": 2e3}, 50),
+        ({"secondary_joint_stiffness": 1e3}, 50),
+        ({"secondary_damping": 2e6, "secondary_joint_stiffness": 1e12}, 10),
+        ({"primary_damping": 300e3, "primary_stiffness": 146e3, "primary_joint_stiffness": np.inf}, 5),
+        ({"secondary_joint_stiffness": 1.27e14, "secondary_damping": 2e6, "primary_damping": 89.0}, 60),
+    ],
+    ids=["5 kN/m", "2 kN/m", "1 kN/m", "slow overdamped", "slow overdamped, rigid", "fast, nearly rigid"],
+)
+def test_a_residue_that_rounding_spoils_is_found_out(paper_vehicle, german_low, change, speed):
+    """Soft secondary joints, slow and fast overdamped poles: the estimate covers the error, the grid mends it."""
+    vehicle = replace(paper_vehicle, **change)
+    study = grid.Study(vehicle, np.array([speed * KMH]), german_low, None, NAMES[:4])
+    squares = residues.mean_squares(vehicle, study.names, german_low, study.speed)
+    own, solution = grid._own_quadrature(study, ()), grid.solve(study)
+    for name in study.names:
+        apart = np.abs(squares[name].value - own[name].value)
+        assert not np.any(apart > squares[name].error + own[name].error)
+        assert solution.rms[name] == pytest.approx(np.sqrt(own[name].value), rel=1e-7)
