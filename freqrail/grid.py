@@ -117,10 +117,10 @@ def _solve_in_closed_form(study: Study, solution: Solution, jobs: int, progress:
 
 
 def _inaccurate(study: Study, solution: Solution) -> list[tuple[int, ...]]:
-    """Damped vehicles with an error estimate above REFINE_ABOVE, or none at all, at some speed."""
+    """Damped vehicles with an error estimate above TOLERANCE, or none at all, at some speed."""
     worst = np.max([np.max(e, axis=(0, -1)) for e in solution.relative_error.values()], axis=0)
     damped = np.greater(study.vehicle.primary_damping, 0)
-    return [tuple(map(int, i)) for i in np.argwhere(~(worst <= REFINE_ABOVE) & damped)]
+    return [tuple(map(int, i)) for i in np.argwhere(~(worst <= TOLERANCE) & damped)]
 
 
 def _improve(study: Study, solution: Solution, index: tuple[int, ...]) -> None:
