@@ -69,7 +69,7 @@ _VEHICLE = (
         "N/m",
         "stiffness",
         "875 kN/m",
-        "vertical stiffness of the primary suspension per axle",
+        "vertical stiffness of the primary suspension, one side of an axle",
     ),
     Parameter(
         "primary_damping",
@@ -78,7 +78,7 @@ _VEHICLE = (
         "N*s/m",
         "damping",
         "17 kN*s/m",
-        "vertical damping of the primary suspension per axle",
+        "vertical damping of the primary suspension, one side of an axle",
         above=False,
     ),
     Parameter(
@@ -101,7 +101,7 @@ _VEHICLE = (
         "N/m",
         "stiffness",
         "412 kN/m",
-        "vertical stiffness of the secondary suspension per bogie",
+        "vertical stiffness of the secondary suspension, one side of a bogie",
     ),
     Parameter(
         "secondary_damping",
@@ -110,7 +110,7 @@ _VEHICLE = (
         "N*s/m",
         "damping",
         "54 kN*s/m",
-        "vertical damping of the secondary suspension per bogie",
+        "vertical damping of the secondary suspension, one side of a bogie",
         above=False,
     ),
     Parameter(
