@@ -91,7 +91,7 @@ def cli() -> None:
 @click.option("--psd", is_flag=True, help="Store spectra too.")
 @click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file.")
-@click.option("--jobs", type=click.IntRange(min=1), help="Threads; all processors unless given.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Threads that work on blocks.")
 @_JSON
 def sweep(
     case: str,
@@ -102,7 +102,7 @@ def sweep(
     psd: bool,
     dry_run: bool,
     overwrite: bool,
-    jobs: int | None,
+    jobs: int,
     as_json: bool,
 ) -> None:
     """Compute the RMS responses of CASE over its grid and write them as a labelled NetCDF file."""
@@ -119,7 +119,6 @@ def sweep(
     plan = Plan.of(loaded, responses, psd)
     target = Path(output or Path("results", f"{loaded.name}.nc"))
     check_target(target, overwrite or dry_run, (case,), plan.stored_bytes, new_folder=output is None)
-    jobs = jobs or os.cpu_count() or 1
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
     if dry_run:
@@ -128,7 +127,7 @@ def sweep(
             facts,
             as_json,
             f"{_count(plan.points, 'grid point')} ({grid}), both models",
-            f"{target}: {_size(plan.stored_bytes)}, about {number(plan.seconds(jobs), 2)} s on {jobs} threads",
+            f"{target}: {_size(plan.stored_bytes)}, about {number(plan.seconds(jobs), 2)} s on {_count(jobs, 'thread')}",
             "dry run: nothing computed, nothing written",
             *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
         )

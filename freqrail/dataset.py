@@ -49,7 +49,7 @@ def sweep(
     settings: Mapping[str, str] | None = None,
     responses: str | Sequence[str] = "paper",
     psd: bool = False,
-    jobs: int | None = None,
+    jobs: int = 1,
     progress: Callable[[int], object] = lambda points: None,
 ) -> xr.Dataset:
     """Response RMS values over the grid of a case, as a labelled dataset.
@@ -57,7 +57,8 @@ def sweep(
     case: a `Case`, the path of a case file or the name of a shipped case. over: {"NAME": "AXIS"}, such
     as {"speed": "100:300:10 km/h"}, replaces the case's axis or adds one. settings: {"NAME": "VALUE"} for
     scalars. responses: "paper" (the paper's four), "all", or names of `names.RESPONSES`. psd: store
-    spectra too. jobs: threads, all processors unless given. progress: called with the number of grid points just done.
+    spectra too. jobs: threads that work on blocks,
+    beside those of the linear algebra library. progress: called with the number of grid points just done.
 
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
     `<response>_rms_relative_error`, `status` and `method` per grid point, the same with the
@@ -74,7 +75,6 @@ def sweep(
     plan = Plan.of(case, responses, psd)
     _check_memory(plan)
     _warn_of_rigid_rail(case)
-    jobs = jobs or os.cpu_count() or 1
     solutions, spectra = {}, {}
     for prefix, study in plan.studies.items():
         solutions[prefix] = grid.solve(study, jobs, progress)

@@ -221,9 +221,9 @@ def _product(power: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray
     """
     rows, n = power.shape
     tiles = -(-rows // TILE)
-    padded = np.zeros((tiles * TILE, n))
-    padded[:rows] = power
-    return (padded.reshape(tiles, TILE, n) @ weight).reshape(tiles * TILE, -1)[:rows]
+    if rows % TILE:
+        power = np.concatenate([power, np.zeros((tiles * TILE - rows, n))])
+    return (power.reshape(tiles, TILE, n) @ weight).reshape(tiles * TILE, -1)[:rows]
 
 
 def rounding(poles: NDArray[np.complex128], limits: NDArray[np.float64]) -> NDArray[np.float64]:
