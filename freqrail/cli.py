@@ -122,12 +122,13 @@ def sweep(
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
     if dry_run:
-        facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": plan.seconds(jobs)}
+        seconds = plan.seconds(jobs)
+        facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
         _report(
             facts,
             as_json,
             f"{_count(plan.points, 'grid point')} ({grid}), both models",
-            f"{target}: {_size(plan.stored_bytes)}, about {number(plan.seconds(jobs), 2)} s on {_count(jobs, 'thread')}",
+            f"{target}: {_size(plan.stored_bytes)}, about {number(seconds, 2)} s on {_count(jobs, 'thread')}",
             "dry run: nothing computed, nothing written",
             *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
         )
