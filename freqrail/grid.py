@@ -129,9 +129,7 @@ def _improve(study: Study, solution: Solution, index: tuple[int, ...]) -> None:
     squares = _own_quadrature(study, index)
     cell = tuple(slice(i, i + 1) for i in index)
     for name, square in squares.items():
-        with np.errstate(invalid="ignore", divide="ignore"):
-            own.rms[name] = np.sqrt(square.value)
-            own.relative_error[name] = square.error / square.value / 2
+        own.rms[name], own.relative_error[name] = _root(square)
     before = np.max([np.max(e[(slice(None), *cell)], axis=0) for e in solution.relative_error.values()], axis=0)
     after = np.max([np.max(e, axis=0) for e in own.relative_error.values()], axis=0)
     better = (after < before) | ~np.isfinite(before)
@@ -338,12 +336,17 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
     }
 
 
+def _root(square: rms.MeanSquare) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """RMS and its relative error; the root halves a relative error."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.sqrt(square.value), square.error / square.value / 2
+
+
 def _store(solution: Solution, cell: tuple[slice, ...], squares: dict[str, rms.MeanSquare], method: str) -> None:
     for name, square in squares.items():
-        with np.errstate(invalid="ignore", divide="ignore"):
-            solution.rms[name][(slice(None), *cell)] = np.sqrt(square.value)
-            # the root halves a relative error
-            solution.relative_error[name][(slice(None), *cell)] = square.error / square.value / 2
+        root, error = _root(square)
+        solution.rms[name][(slice(None), *cell)] = root
+        solution.relative_error[name][(slice(None), *cell)] = error
     solution.method[cell] = METHOD.index(method)
 
 
