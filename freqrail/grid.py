@@ -39,7 +39,8 @@ LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may 
 SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
 SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
 CLOSED_FORM_BLOCK = 10_000  # grid points of a block in closed form
-BLOCK = 250_000  # vehicles x nodes held at once: a few MB an array, so that a block stays in the cache
+BLOCK = 256  # vehicles whose sums over the nodes are held at once: few enough to stay in the cache
+PSD_BLOCK = 250_000  # vehicles x speeds x frequencies of a block of spectra
 WHOLE_AXIS_REACH = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
 
 
@@ -147,7 +148,7 @@ def _solve_by_quadrature(study: Study, solution: Solution, jobs: int, progress: 
         own = list(np.ndindex(study.vehicle.shape))
     else:
         rule = rms.quadrature(edges)
-        for geometry, cells in _blocks(study.vehicle, rule.omega.size):
+        for geometry, cells in _blocks(study.vehicle, BLOCK):
             weights = rms.lag_weights(study.vehicle.at(geometry), study.spectrum, rule, study.speed, _limits(study))
 
             def shared(cell: tuple[slice, ...], weights: rms.LagWeights = weights) -> None:
@@ -174,7 +175,7 @@ def psd(
 ) -> dict[str, NDArray[np.float64]]:
     """One-sided PSDs {name: [positions, grid..., speeds, n]} at `frequency` [n] in Hz, per Hz, SI squared."""
     result = {name: np.empty((len(SERIES[name].positions), *study.shape, frequency.size)) for name in study.names}
-    for _, cells in _blocks(study.vehicle, frequency.size * study.speed.size):
+    for _, cells in _blocks(study.vehicle, PSD_BLOCK // (frequency.size * study.speed.size)):
         for cell in cells:
             part = _cut(study.vehicle, cell)
             column = part.column().column()
@@ -201,7 +202,7 @@ def seconds(study: Study, jobs: int = 1) -> float:
         _own_quadrature(study, (0,) * len(study.vehicle.shape))
         return (time.perf_counter() - start) * math.prod(study.vehicle.shape) / jobs
     rule = rms.quadrature(edges)
-    geometry, cells = next(iter(_blocks(study.vehicle, rule.omega.size)))
+    geometry, cells = next(iter(_blocks(study.vehicle, BLOCK)))
     weights = rms.lag_weights(study.vehicle.at(geometry), study.spectrum, rule, study.speed, _limits(study))
     part = _cut(study.vehicle, cells[0])
     start = time.perf_counter()
@@ -231,17 +232,17 @@ def _first_edges(study: Study, resonances: NDArray[np.complex128]) -> NDArray[np
 
 def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """Panel edges that serve the whole grid, or None if they would be too many; and `rms.rounding` per speed."""
-    sample = list(_sample(study.vehicle.shape))
-    resonances = np.concatenate([poles(study.vehicle.at(index)) for index in sample])
+    sample = _sample(study.vehicle)
+    resonances = np.concatenate([residues.chain_poles(sample, chain).ravel() for chain in CHAINS])
     resonances = resonances[np.isfinite(resonances)]
     if np.isinf(_limits(study)).any():
         return None, np.array(np.nan)  # the bound of what lies beyond the nodes is each vehicle's own
     first = _first_edges(study, resonances)
-    if len(sample) < math.prod(study.vehicle.shape):
+    if math.prod(sample.shape) < math.prod(study.vehicle.shape):
         inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
         if np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
             return None, np.array(np.nan)  # between the vehicles sampled, such a peak could pass through the nodes
-    lag = max(float(wheel_lags(study.vehicle.at(index), study.speed.min())[-1]) for index in sample)
+    lag = float(np.max(sample.half_bogie_spacing + sample.half_wheelbase)) * 2 / float(study.speed.min())
     everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
     lost = rms.rounding(resonances, _limits(study))
     if rms.fewest_nodes(first, lag) > SHARED_NODES:
@@ -250,23 +251,24 @@ def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.
     return (edges if (edges.size - 1) * rms.PANEL_NODES <= SHARED_NODES else None), lost
 
 
-def _sample(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-    """Indices of at most about SAMPLES vehicles, evenly over every axis, its two ends among them."""
-    varying = sum(n > 1 for n in shape)
+def _sample(vehicle: Vehicle) -> Vehicle:
+    """At most about SAMPLES vehicles of the grid, evenly over every axis, its two ends among them."""
+    varying = sum(n > 1 for n in vehicle.shape)
     limit = max(2, int(SAMPLES ** (1 / varying))) if varying else 1
-    picks = [np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in shape]
-    return (tuple(int(p[i]) for p, i in zip(picks, index, strict=True)) for index in np.ndindex(*map(len, picks)))
+    return _cut(
+        vehicle, tuple(np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in vehicle.shape)
+    )
 
 
-def _blocks(vehicle: Vehicle, nodes: int) -> Iterator[tuple[tuple[int, ...], list[tuple[slice, ...]]]]:
+def _blocks(vehicle: Vehicle, most: int) -> Iterator[tuple[tuple[int, ...], list[tuple[slice, ...]]]]:
     """The grid cut into blocks: (index of a vehicle with the geometry, its blocks), geometry by geometry.
 
-    A block holds one L_c and L_t, because the lags are common to it; it is cut along the leading axes,
-    never along speed, so that the matrix product of every row is the same whatever the cut.
+    A block holds at most `most` vehicles of one L_c and L_t, because the lags are common to it; it is never cut
+    along speed, so that the matrix product of every row is the same whatever the cut.
     """
     shape = vehicle.shape
     fixed = [_varies(vehicle, axis) for axis in range(len(shape))]
-    inside = _cells(tuple(1 if f else n for n, f in zip(shape, fixed, strict=True)), BLOCK // nodes)
+    inside = _cells(tuple(1 if f else n for n, f in zip(shape, fixed, strict=True)), most)
     for geometry in np.ndindex(*(n if f else 1 for n, f in zip(shape, fixed, strict=True))):
         yield (
             geometry,
@@ -278,10 +280,14 @@ def _blocks(vehicle: Vehicle, nodes: int) -> Iterator[tuple[tuple[int, ...], lis
 
 
 def _cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
-    """A grid cut into blocks of at most `most` vehicles (but one at least), the leading axes cut first."""
-    size = list(shape)
-    for axis in range(len(shape)):
-        size[axis] = min(size[axis], max(1, most // math.prod(size[axis + 1 :])))
+    """A grid cut into blocks of at most `most` vehicles (but one at least), about as long along every axis.
+
+    So whatever depends on some of the axes only is computed least often.
+    """
+    size = [1] * len(shape)
+    while 2 * math.prod(size) <= most and any(s < n for s, n in zip(size, shape, strict=True)):
+        shortest = min((axis for axis, n in enumerate(shape) if size[axis] < n), key=lambda axis: size[axis])
+        size[shortest] *= 2
     starts = [range(0, n, step) for n, step in zip(shape, size, strict=True)]
     return [
         tuple(slice(s, min(s + step, n)) for s, step, n in zip(corner, size, shape, strict=True))
@@ -296,7 +302,7 @@ def _varies(vehicle: Vehicle, axis: int) -> bool:
     return any(len(shape) >= behind and shape[-behind] > 1 for shape in shapes)
 
 
-def _cut(vehicle: Vehicle, cell: tuple[slice, ...]) -> Vehicle:
+def _cut(vehicle: Vehicle, cell: tuple[slice | NDArray[np.intp], ...]) -> Vehicle:
     """The part of a grid of vehicles inside `cell`; a field stays whole along axes where it has length 1."""
 
     def part(field: object) -> object:
@@ -304,7 +310,10 @@ def _cut(vehicle: Vehicle, cell: tuple[slice, ...]) -> Vehicle:
         if array.ndim == 0:
             return field
         array = array.reshape((1,) * (len(cell) - array.ndim) + array.shape)
-        return array[tuple(s if n > 1 else slice(None) for s, n in zip(cell, array.shape, strict=True))]
+        for axis, some in enumerate(cell):
+            if array.shape[axis] > 1:
+                array = array[(slice(None),) * axis + (some,)]
+        return array
 
     return vehicle.map(part)
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.response import SERIES, Series, column_signs, descend
+from freqrail.response import BODIES, SERIES, STAGES, Series, column_signs, descend
 from freqrail.rms import MeanSquare
 from freqrail.track import RationalSpectrum, Spectrum
 from freqrail.vehicle import CHAINS, Vehicle, ladder, leg_dynamic_stiffness
@@ -158,10 +158,9 @@ def modal(vehicle: Vehicle, chain: str) -> Modal:
 
 def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> tuple[NDArray, dict[str, Number], NDArray]:
     """(V'(p), ratios, real part of p by dissipation) at a pole p of a chain, see `modal`."""
-    _, ratios = descend(vehicle, chain, p, p * p)
+    _, ratios, _ = descend(vehicle, chain, p, p * p)
     masses, legs = ladder(vehicle, chain)
-    bodies = ("car", "bogie", "wheelset")[-len(masses) :]
-    stages = ("secondary", "primary")[-len(legs) :]
+    bodies, stages = BODIES[-len(masses) :], STAGES[-len(legs) :]
     # Far beyond the wheelset's resonance it hardly moves, and as the end of the way down it would be a difference of
     # large numbers: there its displacement follows from the bogie's by its own equation of motion.
     up = ratios["bogie"] / (
@@ -338,7 +337,7 @@ def _chain_terms(
 
 def _mirrored(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> dict[str, Number]:
     """Elements of a chain per metre of track at -p, [grid..., k], from the way down."""
-    track, ratios = descend(vehicle.column(), chain, -p, p * p)
+    track, ratios, _ = descend(vehicle.column(), chain, -p, p * p)
     return {name: ratio / track for name, ratio in ratios.items()}
 
 
@@ -415,7 +414,7 @@ def _track_poles(
         elements = {}
         for chain in CHAINS:
             for sign in (1, -1):
-                track, ratios = descend(vehicle.column(), chain, sign * q, q * q)
+                track, ratios, _ = descend(vehicle.column(), chain, sign * q, q * q)
                 elements[chain, sign] = {name: ratio / track for name, ratio in ratios.items()}
         yield _TrackPole(q, residue * np.exp(-cutoff * distances) @ LAG_SUMS.T, elements)
 

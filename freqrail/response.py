@@ -35,6 +35,9 @@ from freqrail.vehicle import CHAINS, System, Vehicle, ladder, leg_dynamic_stiffn
 Number = Any
 Product = tuple[Number, Number]  # real and imaginary part
 
+BODIES = ("car", "bogie", "wheelset")
+STAGES = ("secondary", "primary")
+
 LAG_COLUMNS = 7
 """Number of real functions of the wheel lags that any |T|^2 is a sum of."""
 
@@ -74,14 +77,21 @@ SERIES: dict[str, Series] = {
 
 @dataclass(frozen=True)
 class ChainResponse:
-    """Frequency response of a chain of bodies to its track input.
+    """Frequency response of a chain of bodies, per unit displacement of its top body.
 
-    top: displacement of the top body per metre of track, [grid..., n], complex, m/m.
-    ratios: each element (see `Series.quantity`) per unit displacement of the top body, complex, m/m.
+    track: the track's displacement, [grid..., n], complex, m/m. ratios: each element (see `Series.quantity`), complex,
+    m/m. forces: of the legs "secondary" and "primary", complex, N/m. Responses that depend on few of the
+    vehicle's fields span only their axes of the grid.
     """
 
-    top: NDArray[np.complex128]
+    track: NDArray[np.complex128]
     ratios: dict[str, Number]
+    forces: dict[str, Number]
+
+    @property
+    def top(self) -> NDArray[np.complex128]:
+        """Displacement of the top body per metre of track, m/m."""
+        return 1.0 / self.track
 
 
 def chain_response(vehicle: Vehicle, chain: str, omega: NDArray) -> ChainResponse:
@@ -93,31 +103,30 @@ def chain_response(vehicle: Vehicle, chain: str, omega: NDArray) -> ChainRespons
     track (eqs. 3 to 7 in the coordinates of `ladder`). Strokes come from forces, never from the
     difference of nearly equal displacements, so they keep their digits at low frequency.
     """
-    track, ratios = descend(vehicle, chain, 1j * np.asarray(omega), -np.square(omega))
-    return ChainResponse(1.0 / track, ratios)
+    return ChainResponse(*descend(vehicle, chain, 1j * np.asarray(omega), -np.square(omega)))
 
 
-def descend(vehicle: Vehicle, chain: str, s: Number, s2: Number) -> tuple[Number, dict[str, Number]]:
+def descend(vehicle: Vehicle, chain: str, s: Number, s2: Number) -> tuple[Number, dict[str, Number], dict[str, Number]]:
     """Down a chain from a unit displacement of its top body, at any complex s [rad/s]; `s2` is s^2.
 
-    Returns (the track's displacement, -; the ratios of `ChainResponse`). The track's displacement is zero at the
+    Returns (track, ratios, forces) of `ChainResponse`. The track's displacement is zero at the
     chain's poles. s^2 is an argument of its own because on the imaginary axis it is real.
     """
     masses, legs = ladder(vehicle, chain)
-    bodies = ("car", "bogie", "wheelset")[-len(masses) :]
-    stages = ("secondary", "primary")[-len(legs) :]
-    stiffnesses = [leg_dynamic_stiffness(*leg, s) for leg in legs] + [vehicle.contact_stiffness]
     ratios: dict[str, Number] = {}
+    forces: dict[str, Number] = {}
     x: Number = 1.0
     force: Number = 0.0
-    for k, body in enumerate(bodies):
+    for body, mass, stage, leg in zip(BODIES[-len(masses) :], masses, STAGES[-len(legs) :], legs, strict=False):
         ratios[body] = x
-        force = force - masses[k] * s2 * x
-        elongation = force / stiffnesses[k]
-        if k < len(stages):
-            ratios[stages[k]] = elongation
-        x = x - elongation
-    return x, ratios
+        force = force - mass * s2 * x
+        forces[stage] = force
+        # products, not quotients: complex division is several times slower
+        ratios[stage] = force * (1.0 / leg_dynamic_stiffness(*leg, s))
+        x = x - ratios[stage]
+    ratios["wheelset"] = x
+    contact = 1.0 / vehicle.contact_stiffness
+    return x * (1.0 + masses[-1] * contact * s2) - force * contact, ratios, forces
 
 
 def chain_responses(vehicle: Vehicle, omega: NDArray) -> dict[str, ChainResponse]:
@@ -133,12 +142,15 @@ def _scale(series: Series, vehicle: Vehicle, omega: NDArray) -> Number:
 
 def top_products(chains: dict[str, ChainResponse]) -> dict[tuple[str, str], Product]:
     """Products X Y* of the chains' top displacements, for all that `column_powers` needs, (m/m)^2."""
-    pairs = [(chain, chain) for chain in CHAINS] + [
-        ("bounce", "pitch"),
-        ("bounce", "bogie_pitch"),
-        ("pitch", "bogie_pitch"),
-    ]
-    return {(x, y): _times_conjugate(chains[x].top, chains[y].top) for x, y in pairs}
+    square = {chain: 1.0 / _modulus2(response.track) for chain, response in chains.items()}
+    result: dict[tuple[str, str], Product] = {(chain, chain): (square[chain], 0.0) for chain in CHAINS}
+    for x, y in (("bounce", "pitch"), ("bounce", "bogie_pitch"), ("pitch", "bogie_pitch")):
+        # X Y* = conj(1/X) (1/Y) |X|^2 |Y|^2. As a function, because the operator may swap the factors of a
+        # complex product, and with them the last bit, as the size of the arrays suits it.
+        product = np.multiply(np.conj(chains[x].track), chains[y].track)
+        both = square[x] * square[y]
+        result[x, y] = product.real * both, product.imag * both
+    return result
 
 
 def column_powers(
@@ -152,33 +164,44 @@ def column_powers(
 
     |T|^2 at a position is the sum over the columns of `column_signs` x power x lag column; in
     (m/s^2)^2/m^2, (rad/s^2)^2/m^2 or m^2/m^2. No speed enters. `chains` is `chain_responses` of
-    the same vehicle and omega, `products` their `top_products`.
+    the same vehicle and omega, `products` their `top_products`. A stroke is the leg's force, which does not feel
+    what is below, times its compliance, the same in all chains: the factors span few axes of the grid.
     """
     scale = np.square(_scale(series, vehicle, omega))
-    ratio = {chain: chains[chain].ratios[series.quantity] for chain in series.chains}
+    if series.quantity in STAGES:
+        leg = ladder(vehicle, "bounce")[1][STAGES.index(series.quantity)]
+        scale = scale / _modulus2(leg_dynamic_stiffness(*leg, 1j * omega))
+        elements = {chain: chains[chain].forces[series.quantity] for chain in series.chains}
+    else:
+        elements = {chain: chains[chain].ratios[series.quantity] for chain in series.chains}
 
-    def power(x: str, y: str) -> Product:
-        """X Y* of the series, real and imaginary part."""
-        head, tail = products[x, y]
-        real, imaginary = _times_conjugate(ratio[x], ratio[y])
-        real, imaginary = scale * real, scale * imaginary
-        return real * head - imaginary * tail, real * tail + imaginary * head
+    def factors(x: str, y: str) -> tuple[Number, Number, Number, Number]:
+        real, imaginary = _times_conjugate(elements[x], elements[y])
+        return scale * real, scale * imaginary, *products[x, y]
+
+    def real_part(x: str, y: str) -> Number:
+        """Re(X Y*) of the series."""
+        real, imaginary, head, tail = factors(x, y)
+        return real * head - imaginary * tail
+
+    def imaginary_part(x: str, y: str) -> Number:
+        """Im(X Y*) of the series."""
+        real, imaginary, head, tail = factors(x, y)
+        return real * tail + imaginary * head
 
     for chain, column in (("bounce", 0), ("pitch", 1), ("bogie_pitch", 3)):
         if chain in series.chains:
-            yield column, scale * _modulus2(ratio[chain]) * products[chain, chain][0]
+            yield column, scale * _modulus2(elements[chain]) * products[chain, chain][0]
     if "bounce" in series.chains and "pitch" in series.chains:
-        yield 2, power("bounce", "pitch")[1]
+        yield 2, imaginary_part("bounce", "pitch")
     if len(series.chains) == 3:
-        bounce, pitch = power("bounce", "bogie_pitch"), power("pitch", "bogie_pitch")
-        yield 4, bounce[1]
-        yield 5, pitch[1]
-        yield 6, pitch[0] - bounce[0]
+        yield 4, imaginary_part("bounce", "bogie_pitch")
+        yield 5, imaginary_part("pitch", "bogie_pitch")
+        yield 6, real_part("pitch", "bogie_pitch") - real_part("bounce", "bogie_pitch")
 
 
 def _times_conjugate(x: Number, y: Number) -> Product:
-    """Real and imaginary part of x y*, in real arithmetic: numpy may swap the factors of a complex product,
-    and with them the last bit, as the size of the arrays suits it."""
+    """Real and imaginary part of x y*."""
     a, b, c, d = np.real(x), np.imag(x), np.real(y), np.imag(y)
     return a * c + b * d, b * c - a * d
 

@@ -11,6 +11,9 @@ every value an error estimate.
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,15 +67,17 @@ _GAUSS_W = (
     0.295524224714752870173815619188769,
 )
 
-# A panel is kept if its length is at most POLE_REACH times its distance from the nearest pole, and the
-# fastest lag turns by at most PHASE_REACH radians over it. With a pole abreast of the panel's middle the
-# Bernstein ellipse has rho = 2/3 + sqrt(4/9 + 1) = 1.87: the Gauss rule misses by rho^-20 = 4e-6 of that
-# panel's share, the Kronrod rule by rho^-32 = 2e-9. docs/theory.md shows the errors measured.
-POLE_REACH = 3.0
+# A panel's length is at most POLE_REACH times its distance from the nearest pole, and the fastest lag turns by at
+# most PHASE_REACH radians over it. With a pole abreast of the panel's middle the Bernstein ellipse has
+# rho = 5/6 + sqrt(25/36 + 1) = 2.14: the Gauss rule misses by rho^-20 = 3e-7 of that panel's share, the Kronrod
+# rule by rho^-32 = 3e-11. docs/theory.md shows the errors measured.
+POLE_REACH = 2.4
 PHASE_REACH = 14.0
-NARROWEST = 1e-13  # panels are not halved below this fraction of their frequency: rounding begins there
+CAUTION = 40.0  # of the error estimate: QUADPACK's 200 is for integrands of any kind, these panels follow the poles
+NARROWEST = 1e-13  # no panel is shorter than this fraction of its frequency: rounding begins there
+TINY = 1e-150
 
-TILE = 16  # rows of every matrix product
+TILE, NODES, SPEEDS = 16, 160, 100  # rows of every matrix product, and its most nodes and speeds
 
 ROUNDING = 1e-12
 """Relative floor of every error estimate: what summing a few thousand products in double precision loses."""
@@ -104,23 +109,28 @@ def panel_edges(
     """Edges of panels that resolve the poles and the lags, from the few edges given, all in rad/s.
 
     edges: increasing, at least two; panels never straddle one. poles: any shape, rad/s, those of the
-    vehicles and of the track spectrum. longest_lag: of the wheels, s. Panels are halved until each is
-    short against its distance from every pole and against the lag's period; `refine` > 1 makes
-    them shorter by that factor.
+    vehicles and of the track spectrum. longest_lag: of the wheels, s. From the left, each panel is as long as its
+    distance from every pole and the lag's period allow; `refine` > 1 makes them shorter by that factor.
     """
     centre, width = np.abs(np.imag(poles)).ravel(), np.abs(np.real(poles)).ravel()
+    reach = POLE_REACH / refine
+    by_lag = PHASE_REACH / refine / longest_lag if longest_lag > 0 else np.inf
     done = []
-    low, high = np.asarray(edges[:-1], dtype=float), np.asarray(edges[1:], dtype=float)
-    while low.size:
-        length = high - low
-        beside = np.maximum(0.0, np.maximum(low[:, None] - centre, centre - high[:, None]))
-        nearest = np.min(np.hypot(beside, width), axis=1, initial=np.inf)
-        split = (refine * length > POLE_REACH * nearest) | (refine * length * longest_lag > PHASE_REACH)
-        split &= length > NARROWEST * high
-        done.append(low[~split])
-        middle = (low[split] + high[split]) / 2
-        low, high = np.concatenate([low[split], middle]), np.concatenate([middle, high[split]])
-    return np.append(np.sort(np.concatenate(done)), edges[-1])
+    for low, high in itertools.pairwise(edges):
+        done.append(float(low))
+        while True:
+            ahead = centre - done[-1]
+            # L = reach x distance: from the left edge (pole behind), from the right edge (pole ahead), or from within
+            room = ahead**2 - (reach**2 - 1) * width**2
+            square = np.square(ahead) + np.square(width)
+            before = reach * square / (np.abs(reach * ahead) + np.sqrt(np.maximum(room, 0.0)) + TINY)
+            within = np.where((room > 0) & (before < ahead), before, reach * width)
+            length = np.where(ahead <= 0, reach * np.sqrt(square), within)
+            step = max(min(float(np.min(length, initial=np.inf)), by_lag), NARROWEST * done[-1])
+            if not done[-1] + step < high:
+                break
+            done.append(done[-1] + step)
+    return np.append(done, edges[-1])
 
 
 PANEL_NODES = 21
@@ -185,45 +195,70 @@ def mean_squares(
     vehicle: fields that broadcast to [grid..., 1]; one geometry. omega: [n] in rad/s, of the rule that
     made `weights`. lost: see `rounding`. Returns {name: MeanSquare}, [positions, grid..., speeds].
 
-    The error estimate is QUADPACK's: with d the difference of the two rules relative to the value,
-    min(d, (200 d)^1.5). d sums the differences of the lag columns without their signs, so that
+    The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
+    min(1, (CAUTION d)^1.5). d sums the differences of the lag columns without their signs, so that
     they cannot cancel.
     """
-    chains = chain_responses(vehicle, omega)
-    products = top_products(chains)
-    n, g = omega.size, weights.gauss.shape[1]
-    product = _product if vehicle.shape else np.matmul  # a single vehicle is never part of a block
-    grid = vehicle.shape[:-1]
+    grid, speeds = vehicle.shape[:-1], weights.kronrod.shape[2]
+    rows = math.prod(grid)
+    tile = TILE if vehicle.shape else 1  # a single vehicle is never part of a block
+    tiles = -(-rows // tile)
+    sums: dict[tuple[str, int], NDArray[np.float64]] = {}
+    for part, gauss in _node_parts(omega.size, weights.gauss.shape[1]):
+        chains = chain_responses(vehicle, omega[part])
+        products = top_products(chains)
+        for name in names:
+            for column, power in column_powers(SERIES[name], vehicle, omega[part], chains, products):
+                if (name, column) not in sums:
+                    sums[name, column] = np.zeros((2, tiles, tile, speeds))
+                total, embedded = sums[name, column]
+                padded = np.zeros((tiles, tile, omega[part].size))
+                padded.reshape(tiles * tile, -1)[:rows].reshape(*grid, -1)[...] = power
+                _add_product(total, padded, weights.kronrod[column, part])
+                if gauss:
+                    _add_product(embedded, padded, weights.gauss[column, part])
     result = {}
     for name in names:
-        series = SERIES[name]
-        signs = np.array([column_signs(position) for position in series.positions])
-        shape = (len(series.positions), *grid, weights.kronrod.shape[2])
-        value, difference = np.zeros(shape), np.zeros(shape)
-        for column, power in column_powers(series, vehicle, omega, chains, products):
-            power = np.broadcast_to(power, (*grid, n)).reshape(-1, n)
-            total = product(power, weights.kronrod[column])
-            apart = np.abs(total - product(power[:, :g], weights.gauss[column]))
+        positions = SERIES[name].positions
+        value, difference = np.zeros((2, len(positions), *grid, speeds))
+        signs = np.array([column_signs(position) for position in positions])
+        for (_, column), found in ((k, v) for k, v in sums.items() if k[0] == name):
+            total, embedded = found.reshape(2, tiles * tile, speeds)[:, :rows]
+            apart = np.abs(total - embedded)
             for p, sign in enumerate(signs[:, column]):
                 if sign:
-                    value[p] += (sign * total).reshape(shape[1:])
-                    difference[p] += apart.reshape(shape[1:])
+                    value[p] += (sign * total).reshape(*grid, speeds)
+                    difference[p] += apart.reshape(*grid, speeds)
         with np.errstate(invalid="ignore", divide="ignore"):
             d = difference / np.abs(value)
-        result[name] = MeanSquare(value, np.abs(value) * (np.minimum(d, (200 * d) ** 1.5) + lost))
+            steep = CAUTION * d
+        result[name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + lost))
     return result
 
 
-def _product(power: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """power [vehicles, n] @ weight [n, speeds], the bits of a row the same whatever the number of rows.
+def _node_parts(nodes: int, gauss: int) -> Iterator[tuple[slice, bool]]:
+    """All nodes in parts of at most NODES, and whether they are among the embedded rule's, which come first."""
+    for first, last, inside in ((0, gauss, True), (gauss, nodes, False)):
+        edges = np.linspace(first, last, -(-(last - first) // NODES) + 1).round().astype(int)
+        for low, high in itertools.pairwise(edges):
+            yield slice(low, high), inside
 
-    BLAS picks its order of summation by the shape of the product, so all products of a grid have TILE rows.
+
+def _add_product(total: NDArray[np.float64], power: NDArray[np.float64], weight: NDArray[np.float64]) -> None:
+    """Add power [tiles, TILE, n] @ weight [n, speeds] to total [tiles, TILE, speeds].
+
+    BLAS picks its order of summation by the shape of a product, so every product of a grid has the same shape and a
+    row the same bits whatever its block. And the shape is small: OpenBLAS then neither copies its operands nor starts
+    threads of its own (up to 4 x 65536 multiplications), which would fight with those of `grid.solve`.
     """
-    rows, n = power.shape
-    tiles = -(-rows // TILE)
-    if rows % TILE:
-        power = np.concatenate([power, np.zeros((tiles * TILE - rows, n))])
-    return (power.reshape(tiles, TILE, n) @ weight).reshape(tiles * TILE, -1)[:rows]
+    speeds = total.shape[-1]
+    if speeds <= SPEEDS:
+        total += power @ weight
+        return
+    parts = -(-speeds // SPEEDS)
+    for k in range(parts):
+        some = slice(k * speeds // parts, (k + 1) * speeds // parts)
+        total[..., some] += power @ weight[:, some]
 
 
 def rounding(poles: NDArray[np.complex128], limits: NDArray[np.float64]) -> NDArray[np.float64]:

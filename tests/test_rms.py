@@ -98,11 +98,11 @@ def test_panels_close_in_on_a_narrow_pole(damping):
     length = np.diff(edges)
     at_pole = length[(edges[:-1] <= 1225.0) & (edges[1:] >= 1225.0)]
     assert at_pole.size
-    assert np.all(at_pole <= rms.POLE_REACH * 1225.0 * damping)
+    assert np.all(at_pole <= rms.POLE_REACH * 1225.0 * damping * (1 + 1e-9) + 1e-12)  # edges are rounded
     # and no panel anywhere is longer than that multiple of its distance from the pole
     beside = np.maximum(0, np.maximum(edges[:-1] - 1225.0, 1225.0 - edges[1:]))
-    assert np.all(length <= rms.POLE_REACH * np.hypot(beside, 1225.0 * damping) * (1 + 1e-9))
-    assert edges.size < 60 + 10 * np.log2(1 / damping)  # halving, not stepping
+    assert np.all(length <= rms.POLE_REACH * np.hypot(beside, 1225.0 * damping) * (1 + 1e-9) + 1e-11)
+    assert edges.size < 60 + 10 * np.log2(1 / damping)  # in a geometric progression, not in steps
 
 
 def test_panels_are_short_against_the_lag():
@@ -200,9 +200,27 @@ def test_a_narrow_peak_holds_what_a_resonance_of_its_width_and_height_must(paper
 # --- the error estimate ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("refine", [0.2, 0.35, 0.5, 0.7, 1.0])
-def test_the_estimate_is_never_below_the_error(refine):
-    """Panels far too long, too long, and as used: 60 random vehicles, speeds and bands each."""
+def test_the_estimate_is_never_below_the_error():
+    """1,000 random vehicles, bands and speeds: soft, stiff and rigid joints, peaks inside, beside and at the edges."""
+    rng = np.random.default_rng(23)
+    worst = 0.0
+    for k, vehicle in enumerate(random_vehicles(1000, seed=37)):
+        vehicle = vehicle.traditional() if k % 8 == 0 else vehicle
+        speed = rng.uniform(20, 600) / 3.6
+        low, high = np.sort(10 ** rng.uniform(-2, 2.5, 2))
+        limits = 2 * np.pi * np.array([low, max(high, 1.1 * low)])
+        expected = reference_rms(vehicle, TRACK, speed, *limits, names=ALL_NAMES, transfer=from_chains, nodes=20)
+        for name, (found, estimate) in package(vehicle, speed, limits, ALL_NAMES).items():
+            error = np.abs(found / expected[name] - 1)
+            assert np.all(error <= estimate)
+            assert np.all(error <= 1e-8)
+            worst = max(worst, np.max(error / estimate))
+    assert worst > 1e-3  # nor does it cry wolf
+
+
+@pytest.mark.parametrize("refine", [0.2, 0.35, 0.5, 0.7])
+def test_the_estimate_knows_panels_that_are_too_long(refine):
+    """Panels far too long and too long: 60 random vehicles, speeds and bands each."""
     rng = np.random.default_rng(17)
     bands = ((0.1, 100.0), (0.5, 20.0), (1.0, 300.0), (0.01, 50.0))
     largest = 0.0
@@ -214,8 +232,7 @@ def test_the_estimate_is_never_below_the_error(refine):
             error = np.abs(found / expected[name] - 1)
             assert np.all(error <= estimate + 1e-12)  # the last is what the reference itself may be off
             largest = max(largest, error.max())
-    if refine < 1:
-        assert largest > 1e-10  # there was something to estimate
+    assert largest > 1e-10  # there was something to estimate
 
 
 def test_the_estimate_knows_what_a_narrow_resonance_makes_of_rounding(paper_vehicle):
