@@ -91,7 +91,9 @@ def cli() -> None:
 @click.option("--psd", is_flag=True, help="Store spectra too.")
 @click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file.")
-@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Threads that work on blocks.")
+@click.option(
+    "--jobs", type=click.IntRange(min=1), help="Threads that work on blocks; as many as processors unless given."
+)
 @_JSON
 def sweep(
     case: str,
@@ -102,7 +104,7 @@ def sweep(
     psd: bool,
     dry_run: bool,
     overwrite: bool,
-    jobs: int,
+    jobs: int | None,
     as_json: bool,
 ) -> None:
     """Compute the RMS responses of CASE over its grid and write them as a labelled NetCDF file."""
@@ -112,6 +114,7 @@ def sweep(
     from freqrail.case import load_case
     from freqrail.dataset import Plan, first_failures
     from freqrail.dataset import sweep as compute
+    from freqrail.grid import processors
     from freqrail.storage import check_target, write_result
     from freqrail.summary import largest_error, number
 
@@ -122,6 +125,7 @@ def sweep(
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
     if dry_run:
+        jobs = jobs or processors()
         seconds = plan.seconds(jobs)
         facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
         _report(

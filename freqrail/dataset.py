@@ -49,7 +49,7 @@ def sweep(
     settings: Mapping[str, str] | None = None,
     responses: str | Sequence[str] = "paper",
     psd: bool = False,
-    jobs: int = 1,
+    jobs: int | None = None,
     progress: Callable[[int], object] = lambda points: None,
 ) -> xr.Dataset:
     """Response RMS values over the grid of a case, as a labelled dataset.
@@ -57,8 +57,8 @@ def sweep(
     case: a `Case`, the path of a case file or the name of a shipped case. over: {"NAME": "AXIS"}, such
     as {"speed": "100:300:10 km/h"}, replaces the case's axis or adds one. settings: {"NAME": "VALUE"} for
     scalars. responses: "paper" (the paper's four), "all", or names of `names.RESPONSES`. psd: store
-    spectra too. jobs: threads that work on blocks,
-    beside those of the linear algebra library. progress: called with the number of grid points just done.
+    spectra too. jobs: threads that work on blocks, as many as processors unless given; they change no bit of the
+    result. progress: called with the number of grid points just done.
 
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
     `<response>_rms_relative_error`, `status` and `method` per grid point, the same with the
@@ -77,7 +77,7 @@ def sweep(
     _warn_of_rigid_rail(case)
     solutions, spectra = {}, {}
     for prefix, study in plan.studies.items():
-        solutions[prefix] = grid.solve(study, jobs, progress)
+        solutions[prefix] = grid.solve(study, jobs or grid.processors(), progress)
         if plan.frequency is not None:
             spectra[prefix] = grid.psd(study, plan.frequency.si, progress)
     return _label(plan, solutions, spectra)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -38,8 +39,9 @@ SHARED_NODES = 6000  # more nodes than this are not worth sharing
 LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may take: about 1 GB of weights
 SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
 SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
-CLOSED_FORM_BLOCK = 10_000  # grid points of a block in closed form
+CLOSED_FORM_BLOCK = 51_200  # grid points of a block in closed form
 BLOCK = 256  # vehicles whose sums over the nodes are held at once: few enough to stay in the cache
+OWN_NODES = 500  # of a single vehicle, at once
 PSD_BLOCK = 250_000  # vehicles x speeds x frequencies of a block of spectra
 WHOLE_AXIS_REACH = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
 
@@ -149,11 +151,11 @@ def _solve_by_quadrature(study: Study, solution: Solution, jobs: int, progress: 
     else:
         rule = rms.quadrature(edges)
         for geometry, cells in _blocks(study.vehicle, BLOCK):
-            weights = rms.lag_weights(study.vehicle.at(geometry), study.spectrum, rule, study.speed, _limits(study))
+            nodes = list(_weighted_nodes(study, geometry, rule, rms.NODES))
 
-            def shared(cell: tuple[slice, ...], weights: rms.LagWeights = weights) -> None:
+            def shared(cell: tuple[slice, ...], nodes: list[rms.WeightedNodes] = nodes) -> None:
                 part = replace(study, vehicle=_cut(study.vehicle, cell))
-                block = rms.mean_squares(part.vehicle.column(), study.names, rule.omega, weights, lost)
+                block = rms.mean_squares(part.vehicle.column(), study.names, nodes, lost)
                 _store(solution, cell, block, "shared_quadrature")
                 progress(math.prod(part.shape))
 
@@ -203,10 +205,10 @@ def seconds(study: Study, jobs: int = 1) -> float:
         return (time.perf_counter() - start) * math.prod(study.vehicle.shape) / jobs
     rule = rms.quadrature(edges)
     geometry, cells = next(iter(_blocks(study.vehicle, BLOCK)))
-    weights = rms.lag_weights(study.vehicle.at(geometry), study.spectrum, rule, study.speed, _limits(study))
+    nodes = list(_weighted_nodes(study, geometry, rule, rms.NODES))
     part = _cut(study.vehicle, cells[0])
     start = time.perf_counter()
-    rms.mean_squares(part.column(), study.names, rule.omega, weights)
+    rms.mean_squares(part.column(), study.names, nodes)
     once = time.perf_counter() - start
     return once * math.prod(study.vehicle.shape) / math.prod(part.shape) / jobs
 
@@ -220,6 +222,13 @@ def _limits(study: Study) -> NDArray[np.float64]:
     if points.size:
         low, high = np.maximum(low, points[0]), np.minimum(high, points[-1])
     return np.array([low, np.maximum(low, high)])
+
+
+def _weighted_nodes(
+    study: Study, index: tuple[int, ...], rule: rms.Quadrature, most: int
+) -> Iterator[rms.WeightedNodes]:
+    """The rule's nodes with the weights of every speed and of the geometry of the vehicle at `index`."""
+    return rms.weighted_nodes(study.vehicle.at(index), study.spectrum, rule, study.speed, _limits(study), most)
 
 
 def _first_edges(study: Study, resonances: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -319,7 +328,7 @@ def _cut(vehicle: Vehicle, cell: tuple[slice | NDArray[np.intp], ...]) -> Vehicl
 
 
 def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanSquare]:
-    """Mean squares of one vehicle at every speed with nodes placed for it alone, twice as dense."""
+    """Mean squares of one vehicle at every speed with nodes placed for it alone, and denser."""
     vehicle = study.vehicle.at(index)
     resonances = poles(vehicle)
     lag = float(wheel_lags(vehicle, study.speed.min())[-1])
@@ -331,11 +340,11 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
         }
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     edges = rms.panel_edges(
-        first, np.concatenate([resonances, singular_points(study.spectrum, study.speed)]), lag, refine=2.0
+        first, np.concatenate([resonances, singular_points(study.spectrum, study.speed)]), lag, refine=1.25
     )
     rule = rms.quadrature(edges)
-    weights = rms.lag_weights(vehicle, study.spectrum, rule, study.speed, _limits(study))
-    squares = rms.mean_squares(vehicle, study.names, rule.omega, weights, rms.rounding(resonances, _limits(study)))
+    nodes = _weighted_nodes(study, index, rule, OWN_NODES)
+    squares = rms.mean_squares(vehicle, study.names, nodes, rms.rounding(resonances, _limits(study)))
     if np.isinf(_limits(study)).any():
         beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}
@@ -384,6 +393,11 @@ def _undamped(vehicle: Vehicle, limits: NDArray[np.float64]) -> NDArray[np.bool_
             inside = (resonances[:, None] > limits[0]) & (resonances[:, None] < limits[1])
             result |= inside.any(axis=0)
     return result
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _run(task: Callable, items: list, jobs: int) -> None:

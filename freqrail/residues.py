@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.response import BODIES, SERIES, STAGES, Series, column_signs, descend
+from freqrail.response import BODIES, SERIES, STAGES, Series, column_signs, cos_sin, descend
 from freqrail.rms import MeanSquare
 from freqrail.track import RationalSpectrum, Spectrum
 from freqrail.vehicle import CHAINS, Vehicle, ladder, leg_dynamic_stiffness
@@ -64,7 +64,7 @@ FAR = 1e7
 
 DIFFERENCE = 1e-6  # relative step of the difference quotient in Newton's method
 MERGING = 0.03  # poles of a chain closer than this, relatively, are taken for merging
-MEETING = 1e-3  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
+MEETING = 3e-4  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
 LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
 SPREAD, SUPPORT = 0.12, 12  # half-width (relative, of the dampings) and number of the interpolation's nodes
 
@@ -220,38 +220,61 @@ def _mean_squares(
     vehicle: Vehicle, names: tuple[str, ...], spectrum: RationalSpectrum, speed: NDArray[np.float64]
 ) -> dict[str, MeanSquare]:
     squares, singular = _sum_of_residues(vehicle, names, spectrum, speed)
-    rows = np.argwhere(singular.any(axis=-1))
-    if rows.size:
-        # vehicles in the neighbourhood: the dampings of all dampers scaled by factors around 1
-        offsets = SPREAD * np.cos(np.pi * (np.arange(SUPPORT) + 0.5) / SUPPORT)
-        weight = np.array([np.prod([z / (z - x) for z in offsets if z != x]) for x in offsets])
-        near = _gather(vehicle, rows)
-        near = replace(
-            near,
-            primary_damping=near.primary_damping * (1 + offsets),
-            secondary_damping=near.secondary_damping * (1 + offsets),
-        )
-        around, _ = _sum_of_residues(near, names, spectrum, speed)
-        where = singular[tuple(rows.T)]
-        for name, square in around.items():
-            value = np.einsum("prks,k->prs", square.value, weight)
-            error = np.einsum("prks,k->prs", square.error, np.abs(weight))
-            for target, new in ((squares[name].value, value), (squares[name].error, error)):
-                part = target[(slice(None), *rows.T)]
-                target[(slice(None), *rows.T)] = np.where(where, new, part)
+    merging = np.all(singular, axis=-1, keepdims=True)
+    places = np.argwhere(merging[..., 0])
+    if places.size:
+        _interpolate(vehicle, names, spectrum, speed, squares, tuple(places.T))
+    places = np.argwhere(singular & ~merging)
+    if places.size:
+        _interpolate(vehicle, names, spectrum, speed[places[:, -1], None, None], squares, tuple(places.T))
     return squares
 
 
-def _gather(vehicle: Vehicle, rows: NDArray[np.intp]) -> Vehicle:
-    """The vehicles at the grid indices `rows` [r, axes], fields [r, 1]."""
+def _interpolate(
+    vehicle: Vehicle,
+    names: tuple[str, ...],
+    spectrum: RationalSpectrum,
+    speed: NDArray[np.float64],
+    squares: dict[str, MeanSquare],
+    places: tuple[NDArray[np.intp], ...],
+) -> None:
+    """Replace `squares` at grid indices `places` by values interpolated from vehicles around them.
+
+    Their dampers' constants are scaled by factors around 1. places: one index array [r] an axis of the grid, and for
+    single speeds one more; speed: [m], all of them, or [r, 1, 1], that of each place.
+    """
+    offsets = SPREAD * np.cos(np.pi * (np.arange(SUPPORT) + 0.5) / SUPPORT)
+    weight = np.array([np.prod([z / (z - x) for z in offsets if z != x]) for x in offsets])
+    near = _gather(vehicle, places[: len(vehicle.shape)])
+    near = replace(
+        near,
+        primary_damping=near.primary_damping * (1 + offsets),
+        secondary_damping=near.secondary_damping * (1 + offsets),
+    )
+    around, _ = _sum_of_residues(near, names, spectrum, speed)
+    for name, square in around.items():
+        for target, values, w in (
+            (squares[name].value, square.value, weight),
+            (squares[name].error, square.error, np.abs(weight)),
+        ):
+            found = np.einsum("prks,k->prs", values, w)
+            everywhere: tuple[Any, ...] = (slice(None), *places)
+            target[everywhere] = found if len(places) == len(vehicle.shape) else found[..., 0]
+
+
+def _gather(vehicle: Vehicle, places: tuple[NDArray[np.intp], ...]) -> Vehicle:
+    """The vehicles at grid indices, an array [r] an axis; fields [r, 1]."""
     shape = vehicle.shape
-    return vehicle.map(lambda field: np.broadcast_to(field, shape)[tuple(rows.T)].reshape(-1, 1))
+    return vehicle.map(lambda field: np.broadcast_to(field, shape)[places].reshape(-1, 1))
 
 
 def _sum_of_residues(
     vehicle: Vehicle, names: tuple[str, ...], spectrum: RationalSpectrum, speed: NDArray[np.float64]
 ) -> tuple[dict[str, MeanSquare], NDArray[np.bool_]]:
-    """The plain formula, and where [grid..., speeds] merging or meeting poles spoil it."""
+    """The plain formula, and where [grid..., speeds] merging or meeting poles spoil it.
+
+    speed: [speeds], or [grid..., speeds] with axes of length 1 where it is common to the vehicles.
+    """
     chains = {chain: modal(vehicle, chain) for chain in CHAINS}
     distances = _lag_distances(vehicle)
     columns = {name: _columns(SERIES[name]) for name in names}
@@ -265,7 +288,7 @@ def _sum_of_residues(
         for (name, c), found in terms.items():
             extra = track.term(SERIES[name], c)
             found.append((extra, LOSS * np.abs(extra)))
-    shape = (*vehicle.shape, speed.size)
+    shape = (*vehicle.shape, speed.shape[-1])
     result = {}
     for name in names:
         series = SERIES[name]
@@ -370,19 +393,28 @@ def _waves(
 
     The waves are [grid..., 2 x 5 x k, speeds]: real and imaginary parts of each lag of each pole.
     """
-    s = p[..., None]
-    low, high = (np.square(speed * cutoff) for cutoff in spectrum.cutoffs)
+    v = speed[..., None, :]
+    low, high = (np.square(v * cutoff) for cutoff in spectrum.cutoffs)
+    s2 = np.square(p)[..., None]
     # S_v(omega/v)/v with omega^2 = -s^2 (eq. 11)
-    density = spectrum.roughness * spectrum.cutoffs[1] ** 2 * speed**3 / ((low - s * s) * (high - s * s))
-    delay = s / speed
-    wheelbase, spacing, inner = (np.exp(distances[..., lag, None, None] * delay) for lag in (1, 2, 4))
-    rear = spacing * density
-    lagged = (density, wheelbase * density, rear, wheelbase * rear, inner * density)
+    density = spectrum.roughness * spectrum.cutoffs[1] ** 2 * v**3 / ((low - s2) * (high - s2))
+    wheelbase, inner = (_exponential(p, distances[..., lag, None, None] / v) for lag in (1, 4))
+    first, rear = wheelbase * density, inner * wheelbase * density
+    lagged = (density, first, rear, wheelbase * rear, inner * density)
     shape = np.broadcast_shapes(*(wave.shape for wave in lagged))
     waves = np.empty((*shape[:-2], 2, 5, *shape[-2:]))
     for lag, wave in enumerate(lagged):
         waves[..., 0, lag, :, :], waves[..., 1, lag, :, :] = wave.real, wave.imag
-    return waves.reshape(*shape[:-2], -1, speed.size), np.abs(density)
+    return waves.reshape(*shape[:-2], -1, shape[-1]), np.abs(density)
+
+
+def _exponential(p: NDArray[np.complex128], delay: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """e^{p t} at poles p [grid..., k] for delays t [grid..., 1, speeds]."""
+    size = np.exp(p.real[..., None] * delay)
+    cosine, sine = cos_sin(p.imag[..., None] * delay)
+    result = np.empty(size.shape, complex)
+    result.real, result.imag = size * cosine, size * sine
+    return result
 
 
 @dataclass(frozen=True)
@@ -421,13 +453,17 @@ def _track_poles(
 
 def _singular(chains: dict[str, Modal], spectrum: RationalSpectrum, speed: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Where the plain formula loses its digits: [grid..., speeds]."""
-    result: Any = np.zeros(speed.size, dtype=bool)
+    result: Any = np.zeros(speed.shape[-1], dtype=bool)
     for chain in chains.values():
         p = np.where(np.any([r != 0 for r in chain.residues.values()], axis=0), chain.poles, np.nan)
         gaps = np.abs(p[..., :, None] - p[..., None, :])
         gaps = np.where(np.eye(p.shape[-1], dtype=bool), np.nan, gaps)
         merging = np.any(gaps < MERGING * np.abs(p[..., None]), axis=(-2, -1))
-        distance = [np.abs(p[..., None] + cutoff * speed) for cutoff in spectrum.cutoffs]
-        meeting = np.any([d < MEETING * np.abs(p[..., None]) for d in distance], axis=(0, -2))
-        result = result | merging[..., None] | meeting
+        result = result | merging[..., None]
+        # the spectrum's poles are real: only vehicle's poles next to the real axis can meet them
+        beside = np.abs(p.imag) < MEETING * np.abs(p)
+        for k in np.flatnonzero(np.any(beside, axis=tuple(range(p.ndim - 1)))):
+            real = np.where(beside[..., k], p[..., k].real, np.nan)[..., None]
+            for cutoff in spectrum.cutoffs:
+                result = result | (np.abs(real + cutoff * speed) < MEETING * np.abs(real))
     return result

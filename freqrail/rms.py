@@ -13,14 +13,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.response import (
-    LAG_COLUMNS,
     SERIES,
     chain_responses,
     column_powers,
@@ -157,73 +156,85 @@ def quadrature(edges: NDArray[np.float64]) -> Quadrature:
 
 
 @dataclass(frozen=True)
-class LagWeights:
-    """Lag columns times the track's density and the quadrature weights: [7, n, speeds] and [7, g, speeds]."""
+class WeightedNodes:
+    """Some nodes of a rule: omega [n] rad/s, and lag columns times the track's density and the weights.
 
+    kronrod: [7, n, speeds]. gauss: the same for the embedded rule, None if it has none of these nodes.
+    """
+
+    omega: NDArray[np.float64]
     kronrod: NDArray[np.float64]
-    gauss: NDArray[np.float64]
+    gauss: NDArray[np.float64] | None
 
 
-def lag_weights(
+def weighted_nodes(
     vehicle: Vehicle,
     spectrum: Spectrum,
     rule: Quadrature,
     speed: NDArray[np.float64],
     limits: NDArray[np.float64],
-) -> LagWeights:
-    """Weights that turn column powers into mean squares, for every speed at once.
+    most: int,
+) -> Iterator[WeightedNodes]:
+    """The nodes of a rule, at most `most` at a time, with weights that turn column powers into mean squares.
 
     vehicle: a single geometry. speed: [m] in m/s. limits: [2, m], each speed's band in rad/s, on
     panel edges; outside it the weights are zero.
     """
-    omega = rule.omega[:, None]
-    density = angular_psd(spectrum, omega, speed) * ((omega > limits[0]) & (omega < limits[1]))
-    columns = lag_columns(vehicle, rule.omega, speed) * density
-    gauss = columns[:, : rule.gauss_weights.size] * rule.gauss_weights[:, None]
-    return LagWeights(columns * rule.weights[:, None], gauss)
+    gauss = rule.gauss_weights.size
+    for first, last in ((0, gauss), (gauss, rule.omega.size)):  # the embedded rule's nodes come first
+        edges = np.linspace(first, last, -(-(last - first) // most) + 1).round().astype(int)
+        for part in itertools.starmap(slice, itertools.pairwise(edges)):
+            omega = rule.omega[part, None]
+            density = angular_psd(spectrum, omega, speed) * ((omega > limits[0]) & (omega < limits[1]))
+            columns = lag_columns(vehicle, rule.omega[part], speed)
+            columns *= density
+            embedded = columns * rule.gauss_weights[part, None] if last == gauss else None
+            columns *= rule.weights[part, None]
+            yield WeightedNodes(rule.omega[part], columns, embedded)
 
 
 def mean_squares(
     vehicle: Vehicle,
     names: tuple[str, ...],
-    omega: NDArray[np.float64],
-    weights: LagWeights,
+    nodes: Iterable[WeightedNodes],
     lost: NDArray[np.float64] | float = ROUNDING,
 ) -> dict[str, MeanSquare]:
     """Mean squares of the named responses (keys of `SERIES`) for a grid of vehicles.
 
-    vehicle: fields that broadcast to [grid..., 1]; one geometry. omega: [n] in rad/s, of the rule that
-    made `weights`. lost: see `rounding`. Returns {name: MeanSquare}, [positions, grid..., speeds].
+    vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. lost: see `rounding`.
+    Returns {name: MeanSquare}, [positions, grid..., speeds].
 
     The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
     min(1, (CAUTION d)^1.5). d sums the differences of the lag columns without their signs, so that
     they cannot cancel.
     """
-    grid, speeds = vehicle.shape[:-1], weights.kronrod.shape[2]
+    grid = vehicle.shape[:-1]
     rows = math.prod(grid)
     tile = TILE if vehicle.shape else 1  # a single vehicle is never part of a block
     tiles = -(-rows // tile)
     sums: dict[tuple[str, int], NDArray[np.float64]] = {}
-    for part, gauss in _node_parts(omega.size, weights.gauss.shape[1]):
-        chains = chain_responses(vehicle, omega[part])
+    for part in nodes:
+        chains = chain_responses(vehicle, part.omega)
         products = top_products(chains)
         for name in names:
-            for column, power in column_powers(SERIES[name], vehicle, omega[part], chains, products):
+            for column, power in column_powers(SERIES[name], vehicle, part.omega, chains, products):
                 if (name, column) not in sums:
-                    sums[name, column] = np.zeros((2, tiles, tile, speeds))
+                    sums[name, column] = np.zeros((2, tiles, tile, part.kronrod.shape[-1]))
                 total, embedded = sums[name, column]
-                padded = np.zeros((tiles, tile, omega[part].size))
+                padded = np.zeros((tiles, tile, part.omega.size))
                 padded.reshape(tiles * tile, -1)[:rows].reshape(*grid, -1)[...] = power
-                _add_product(total, padded, weights.kronrod[column, part])
-                if gauss:
-                    _add_product(embedded, padded, weights.gauss[column, part])
+                _add_product(total, padded, part.kronrod[column])
+                if part.gauss is not None:
+                    _add_product(embedded, padded, part.gauss[column])
     result = {}
     for name in names:
         positions = SERIES[name].positions
+        found = {column: total for (key, column), total in sums.items() if key == name}
+        speeds = next(iter(found.values())).shape[-1]
         value, difference = np.zeros((2, len(positions), *grid, speeds))
         signs = np.array([column_signs(position) for position in positions])
-        for (_, column), found in ((k, v) for k, v in sums.items() if k[0] == name):
-            total, embedded = found.reshape(2, tiles * tile, speeds)[:, :rows]
+        for column, both in found.items():
+            total, embedded = both.reshape(2, tiles * tile, speeds)[:, :rows]
             apart = np.abs(total - embedded)
             for p, sign in enumerate(signs[:, column]):
                 if sign:
@@ -234,14 +245,6 @@ def mean_squares(
             steep = CAUTION * d
         result[name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + lost))
     return result
-
-
-def _node_parts(nodes: int, gauss: int) -> Iterator[tuple[slice, bool]]:
-    """All nodes in parts of at most NODES, and whether they are among the embedded rule's, which come first."""
-    for first, last, inside in ((0, gauss, True), (gauss, nodes, False)):
-        edges = np.linspace(first, last, -(-(last - first) // NODES) + 1).round().astype(int)
-        for low, high in itertools.pairwise(edges):
-            yield slice(low, high), inside
 
 
 def _add_product(total: NDArray[np.float64], power: NDArray[np.float64], weight: NDArray[np.float64]) -> None:
@@ -293,5 +296,5 @@ def truncation_bound(
     density = angular_psd(spectrum, omega[:, None], speed) * (rule.weights * omega / rule.omega)[:, None]
     diagonal = np.array([1, 1, 0, 1, 0, 0, 0]).reshape(-1, 1, 1)
     bound = 3.0 * diagonal * density
-    none = np.zeros((LAG_COLUMNS, 0, speed.size))
-    return {k: m.value for k, m in mean_squares(vehicle, names, omega, LagWeights(bound, none)).items()}
+    nodes = [WeightedNodes(omega, bound, None)]
+    return {k: m.value for k, m in mean_squares(vehicle, names, nodes).items()}

@@ -40,9 +40,9 @@ def package(
     """(RMS, relative error estimate) of the module's own recipe, {name: ([positions], [positions])}."""
     rule = rms.quadrature(package_edges(vehicle, speed, limits, refine))
     speeds = np.array([speed])
-    weights = rms.lag_weights(vehicle, TRACK, rule, speeds, np.reshape(limits, (2, 1)))
+    nodes = rms.weighted_nodes(vehicle, TRACK, rule, speeds, np.reshape(limits, (2, 1)), most=100)
     lost = rms.rounding(poles(vehicle), np.reshape(limits, (2, 1)))
-    squares = rms.mean_squares(vehicle, names, rule.omega, weights, lost)
+    squares = rms.mean_squares(vehicle, names, nodes, lost)
     return {k: (np.sqrt(m.value[:, 0]), m.error[:, 0] / m.value[:, 0] / 2) for k, m in squares.items()}
 
 
@@ -152,8 +152,8 @@ def test_each_speed_is_integrated_over_its_own_wavelengths(paper_vehicle):
     limits = band_limits(Band("wavelength", 2.0, 60.0), speeds)
     edges = rms.panel_edges(np.unique(limits), all_poles(paper_vehicle, TRACK, 50.0), 0.3)
     rule = rms.quadrature(edges)
-    weights = rms.lag_weights(paper_vehicle, TRACK, rule, speeds, limits)
-    squares = rms.mean_squares(paper_vehicle, PAPER_NAMES, rule.omega, weights)
+    nodes = rms.weighted_nodes(paper_vehicle, TRACK, rule, speeds, limits, most=100)
+    squares = rms.mean_squares(paper_vehicle, PAPER_NAMES, nodes)
     for k, speed in enumerate(speeds):
         expected = reference_rms(paper_vehicle, TRACK, speed, 2 * np.pi * speed / 60, 2 * np.pi * speed / 2)
         for name in PAPER_NAMES:

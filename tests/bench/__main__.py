@@ -58,7 +58,7 @@ def study_of(case, band, speeds=None, vehicle=None) -> grid.Study:
 
 def peers(case, runs: int) -> None:
     """Points per second and errors of every peer on the paper's case at 250 km/h."""
-    print("paper's case, 250 km/h, eleven series            points/s   x loop   largest error")
+    print("\npaper's case at 250 km/h, eleven series                 points/s    x loop   largest relative error")
     for words, band in BANDS.items():
         exact = single(study_of(case, band))
         loop = median(partial(user_loop, case.vehicle, case.speed, case.spectrum, band), runs)
@@ -96,13 +96,13 @@ def large_grid(case, side: int, count: int) -> None:
     )
     speeds = np.linspace(100, 300, count) / 3.6
     points = side * side * count
+    print(f"\n{side} x {side} joint stiffnesses x {count} speeds, eleven series, warm process, two threads")
     for words, band in BANDS.items():
         study = study_of(case, band, speeds, vehicle)
         loop = median(lambda: user_loop(case.vehicle, case.speed, case.spectrum, BANDS["0.1-100 Hz"]), 3)
         own = min(elapsed(partial(grid.solve, study, jobs=2)) for _ in range(2))
-        print(
-            f"{words}: {points} points in {own:6.2f} s, {points / own:9.0f} points/s, {points / own * loop:8.0f} x loop"
-        )
+        rate = points / own
+        print(f"  {words}: {points} points in {own:6.2f} s, {rate:9.0f} points/s, {rate * loop:8.0f} x loop")
 
 
 def elapsed(function) -> float:
@@ -111,18 +111,44 @@ def elapsed(function) -> float:
     return time.perf_counter() - start
 
 
-def growth(case) -> None:
-    """Wall time against the number of stiffness pairs and of speeds."""
-    print("stiffness pairs  speeds   0.1-100 Hz s   whole axis s")
-    for side, count in ((10, 100), (20, 100), (40, 100), (80, 100), (40, 10), (40, 30), (40, 300)):
+def growth(case, picture: Path | None) -> None:
+    """Wall time against the number of stiffness pairs (at 100 speeds) and of speeds (at 1,600 pairs)."""
+    print("\nstiffness pairs  speeds   0.1-100 Hz s   whole axis s")
+    rows = []
+    for side, count in ((10, 100), (20, 100), (40, 100), (80, 100), (40, 10), (40, 30), (40, 300), (40, 1000)):
         stiffness = np.geomspace(0.5e6, 100e6, side)
         vehicle = replace(
             case.vehicle, primary_joint_stiffness=stiffness[:, None], secondary_joint_stiffness=stiffness[None, :]
         )
         speeds = np.linspace(100, 300, count) / 3.6
         studies = [study_of(case, band, speeds, vehicle) for band in BANDS.values()]
-        times = [elapsed(partial(grid.solve, study, jobs=2)) for study in studies]
+        times = [min(elapsed(partial(grid.solve, study, jobs=2)) for _ in range(3)) for study in studies]
         print(f"{side * side:15d} {count:7d} {times[0]:14.3f} {times[1]:14.3f}")
+        rows.append((side * side, count, *times))
+    if picture:
+        draw_growth(np.array(rows), picture)
+
+
+def draw_growth(rows: np.ndarray, picture: Path) -> None:
+    """Both kinds of growth beside a line of slope one, as a PNG."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for ax, column, fixed, words in (
+        (axes[0], 0, rows[:, 1] == 100, "stiffness pairs (100 speeds)"),
+        (axes[1], 1, rows[:, 0] == 1600, "speeds (1,600 stiffness pairs)"),
+    ):
+        some = rows[fixed][np.argsort(rows[fixed, column])]
+        for k, band in enumerate(BANDS):
+            ax.loglog(some[:, column], some[:, 2 + k], "o-", label=band)
+        line = some[[0, -1], column]
+        ax.loglog(line, some[-1, 2] * line / line[-1], "k:", label="proportional")
+        ax.set(xlabel=words)
+        ax.grid(alpha=0.3)
+    axes[0].set(ylabel="wall time, s")
+    axes[0].legend()
+    figure.savefig(picture, dpi=120)
 
 
 def end_to_end(case) -> None:
@@ -136,14 +162,17 @@ def end_to_end(case) -> None:
         seconds = elapsed(lambda: subprocess.run(command, check=True, stdout=subprocess.DEVNULL))
         size = Path(folder, "million.nc").stat().st_size
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
-    print(f"end to end: {seconds:.1f} s, {seconds / loop:.0f} x the loop's single point, peak memory {memory:.2f} GB")
-    print(f"            file {size / 1e6:.0f} MB")
+    print("\nfreqrail sweep of 100 x 100 joint stiffnesses x 100 speeds, from the shell to the closed file")
+    print(f"  {seconds:.1f} s, {seconds / loop:.0f} x the loop's single point, peak memory {memory:.2f} GB")
+    print(f"  file {size / 1e6:.0f} MB")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small grids, few repetitions")
-    quick = parser.parse_args().quick
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the growth of the wall time")
+    options = parser.parse_args()
+    quick = options.quick
     case = freqrail.load_case("yu-damper-joint")
     print(f"freqrail {freqrail.__version__}, numpy {np.__version__}, {time.strftime('%Y-%m-%d')}")
     paper_grid(case, 2 if quick else 7)
@@ -151,7 +180,7 @@ def main() -> None:
     large_grid(case, *((10, 20) if quick else (100, 100)))
     if not quick:
         end_to_end(case)
-        growth(case)
+        growth(case, options.picture)
 
 
 if __name__ == "__main__":
