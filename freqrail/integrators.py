@@ -41,7 +41,7 @@ class Accuracy:
     """
 
     relative: float = 1e-6
-    absolute: float = 1e-9
+    absolute: float = 1e-6
     longest_step: float = np.inf
     substeps: int = 1
 

@@ -131,8 +131,9 @@ class Track:
         place = time / self.step + self.before
         start = min(max(int(place), 0), self.before + self.samples - 1)
         weights = basis(self.degree, place - start)
-        window = self.coefficients[start : start + self.degree + 1]
-        return (weights @ window.reshape(self.degree + 1, -1)).reshape(window.shape[1:])
+        wheels, records = self.coefficients.shape[1:]
+        window = self.coefficients[start : start + self.degree + 1].reshape(self.degree + 1, -1)
+        return weights.dot(window).reshape(wheels, records)
 
     def at_steps(self, first: int, count: int, place: float = 0.0) -> NDArray[np.float64]:
         """Heights at `count` successive steps from step `first` (0 at the start), each `place` [0, 1] of a step later.
@@ -146,7 +147,8 @@ class Track:
 
 def basis(degree: int, place: float) -> NDArray[np.float64]:
     """Weights [degree + 1] of the coefficients about an interval at `place` in [0, 1] of it."""
-    return _BASIS[degree] @ (place ** np.arange(degree + 1))
+    powers = (1.0, place, place * place, place * place * place)
+    return _BASIS[degree].dot(powers[: degree + 1])  # rk45 asks for this at every stage: plain floats are fastest
 
 
 def basis_polynomials(degree: int) -> NDArray[np.float64]:
@@ -154,7 +156,7 @@ def basis_polynomials(degree: int) -> NDArray[np.float64]:
     return _BASIS[degree]
 
 
-def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def smooth_step(x: NDArray) -> NDArray:
     """From 0 at x <= 0 to 1 at x >= 1 with two continuous derivatives, so that its spectrum falls as f^-4."""
     x = np.clip(x, 0.0, 1.0)
     return x**3 * (10 - 15 * x + 6 * x**2)

@@ -5,9 +5,10 @@ Two verdicts, never mixed:
 - solver: one period of the simulated response against the line spectrum of the same record. Only the
   integrator's error is left, so that the tolerance is tight; it finds a fault in the equations, the lags or the
   integration, whatever the track's spectrum.
-- statistical: Gaussian records against the RMS over the continuous spectrum. The mean square s^2 of N records of length T is
-  chi-square with nu = 2 B T N degrees of freedom, nu s^2/sigma^2, B = (int G_y df)^2 / int G_y^2 df being the response's
-  bandwidth (J. S. Bendat, A. G. Piersol, Random Data, 4th ed., 2010, section 8.3). It finds a wrong spectrum too.
+- statistical: Gaussian records against the RMS over the continuous spectrum. With s^2 the mean square of N records of
+  length T, nu s^2/sigma^2 is chi-square with nu = 2 B T N degrees of freedom, B = (int G_y df)^2 / int G_y^2 df
+  being the response's bandwidth (J. S. Bendat, A. G. Piersol, Random Data, 4th ed., 2010, section 8.3). It finds a wrong spectrum
+  too.
 
 The frequency side (`response.track_response`) and the time side (`vehicle.state_space`) share the vehicle's numbers and
 nothing else; a fault put into a `Simulated` is on the time side only.
@@ -308,8 +309,8 @@ def examine(
     """Simulate a point and hold it against the frequency responses.
 
     side: what is simulated; the point itself unless given. tighter: repeat the first record ten times tighter.
-    progress: called with the simulated seconds just done, of `simulated_seconds` in all. A run that fails leaves NaN and
-    its reason in `failures`. Raises InputError as `check_plan` does.
+    progress: called with the simulated seconds just done, of `simulated_seconds` in all. A run that fails leaves NaN
+    and its reason in `failures`. Raises InputError as `check_plan` does.
     """
     check_plan(point, plan)
     side = side or time_side(point)
@@ -404,7 +405,7 @@ def _line_states(model: StateSpace, lags: NDArray[np.float64], lines: Lines) -> 
     omega = 2 * np.pi * lines.frequency
     forcing = np.exp(-1j * np.multiply.outer(omega, lags)) @ model.b.T
     matrices = 1j * omega[:, None, None] * np.eye(len(model.a)) - model.a
-    return np.linalg.solve(matrices, forcing[..., None])[..., 0].T
+    return np.asarray(np.linalg.solve(matrices, forcing[..., None])[..., 0].T, dtype=np.complex128)
 
 
 def _groups(plan: Plan) -> list[tuple[str, tuple[str, ...]]]:
@@ -436,7 +437,7 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
     records = prepared.track.coefficients.shape[2]
     squares = np.full((len(MODELS), SERIES_COUNT, records), np.nan)
     responses = np.full((len(MODELS), SERIES_COUNT, kept), np.nan)
-    failures = {}
+    failures: dict[str, str] = {}
     for integrator, names in _groups(plan):
         model, start, size = _stacked(prepared, names)
         rows = block_diag(*(prepared.side.readout[name] for name in names))
@@ -458,3 +459,29 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
         else:
             squares[at] = (total / kept).reshape(len(at), SERIES_COUNT, records)
     return squares, responses, failures
+
+
+# --- the verdicts ----------------------------------------------------------------------------------
+
+VERDICTS = ("confirmed", "outside", "failed")
+"""Meaning of the verdicts 0, 1, 2: the number stands; it does not; there was nothing to compare."""
+
+
+def verdicts(
+    evidence: Evidence, reference: NDArray[np.float64], plan: Plan, checks: int
+) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+    """(solver, statistical) verdicts of a point, [model, series] each, see `VERDICTS`.
+
+    reference: RMS over the continuous spectrum, [model, series]. checks: statistical checks of the whole run, which
+    share FAMILY_CONFIDENCE.
+    """
+    tolerance = np.array([[SOLVER_TOLERANCE[integrator_of(plan, model)]] for model in MODELS])
+    low, high = interval(evidence.pooled, evidence.degrees, simultaneous(checks))
+    return (
+        _verdict(evidence.solver_error <= tolerance, evidence.solver_error),
+        _verdict((low <= reference) & (reference <= high), evidence.pooled * reference),
+    )
+
+
+def _verdict(stands: NDArray[np.bool_], number: NDArray[np.float64]) -> NDArray[np.int8]:
+    return np.where(np.isfinite(number), np.where(stands, 0, 1), 2).astype(np.int8)
