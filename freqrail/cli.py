@@ -248,7 +248,7 @@ def confirm(
 )
 @_AT
 def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
-    """Draw a result: RMS against speed and stiffness, maps, and spectra where they are stored."""
+    """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
     from freqrail import figures
     from freqrail.storage import open_result
 

@@ -146,7 +146,7 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
 
 
 def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
-    """The dataset's attributes: those of its case, and the conditions of the runs."""
+    """The dataset's attributes: its case's and the conditions of the runs."""
     plan = run.plans[0]
     described = attributes(run.case, "confirmation")
     versions = json.loads(described["versions"]) | {"scipy": scipy.__version__}
@@ -162,8 +162,8 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         "realisations": np.int64(plan.realisations),
         "duration_s": plan.period,
         "integrator": "; ".join(f"{model}: {timedomain.integrator_of(plan, model)}" for model in MODELS),
-        "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, atol {accuracy.absolute:g} of a state's RMS, "
-        f"longest step 1/{timedomain.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a "
+        "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, atol {accuracy.absolute:g} of a state's "
+        f"RMS, longest step 1/{timedomain.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a "
         "sample of the track; exponential: exact for the track's spline",
         "interpolation": f"periodic cubic spline, at least {plan.samples_a_period} samples a period of the highest "
         "line, harmonics in the band exact",
@@ -233,6 +233,16 @@ def _stored(run: Run) -> NDArray[np.float64]:
                     rows[point, model, place : place + count] = variable.isel(at).values
         place += count
     return rows
+
+
+def relative(dataset: xr.Dataset, key: str) -> NDArray[np.float64]:
+    """An RMS by simulation, such as "pooled" or "interval_low", relative to the frequency domain's, less one:
+    [point, model, series]."""
+    parts = [
+        dataset[f"{name}_rms_{key}"].values / dataset[f"{name}_rms_frequency_domain"].values - 1
+        for name in timedomain.RESPONSES
+    ]
+    return np.concatenate(parts, axis=-1)
 
 
 def is_confirmation(dataset: xr.Dataset) -> bool:

@@ -6,9 +6,9 @@ Two verdicts, never mixed:
   integrator's error is left, so that the tolerance is tight; it finds a fault in the equations, the lags or the
   integration, whatever the track's spectrum.
 - statistical: Gaussian records against the RMS over the continuous spectrum. With s^2 the mean square of N records of
-  length T, nu s^2/sigma^2 is chi-square with nu = 2 B T N degrees of freedom, B = (int G_y df)^2 / int G_y^2 df
-  being the response's bandwidth (J. S. Bendat, A. G. Piersol, Random Data, 4th ed., 2010, section 8.3). It finds a wrong spectrum
-  too.
+  length T, nu s^2/sigma^2 is chi-square with nu = 2 B T N degrees of freedom, B = (int G_y df)^2 / int G_y^2 df being
+  the response's bandwidth (J. S. Bendat, A. G. Piersol, Random Data, 4th ed., 2010, section 8.3). It finds a wrong
+  spectrum too.
 
 The frequency side (`response.track_response`) and the time side (`vehicle.state_space`) share the vehicle's numbers and
 nothing else; a fault put into a `Simulated` is on the time side only.
@@ -69,7 +69,7 @@ TRIAL_LEAST = 0.05  # s of simulated time that a trial covers at least, ...
 SLOW_TRIAL = 3.0  # ... unless that takes more than this, s of wall time
 TRIAL_PERIOD = 5.0  # s, of the track that a trial runs on
 HISTORY = 10.0  # s of the first record that are kept to be drawn
-PSD_LINES = 400  # lines, at most, at which spectra are kept
+PSD_LINES = 600  # lines, at most, at which spectra are kept
 
 
 @dataclass(frozen=True)
