@@ -159,7 +159,7 @@ def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
 
 def _solver_errors(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
     """The largest solver error of every series beside what is allowed."""
-    tolerance = np.atleast_1d(dataset.attrs["solver_tolerance"])
+    tolerance = dataset["solver_tolerance"].values
     figure, panels = _rows(dataset, points, "largest difference of a simulated record from its own line spectrum")
     for place, ax in panels:
         ax.set_xscale("log")

@@ -102,6 +102,23 @@ def label(run: Run, evidence: Sequence[Evidence], references: Sequence[NDArray[n
         _padded([e.heights for e in evidence]).astype(np.float32),
         {"units": "m", "long_name": "track height under the wheels, beginning of record 0"},
     )
+    variables["startup"] = (
+        "point",
+        np.array([e.startup for e in evidence]),
+        {"units": "s", "long_name": "simulated before the measured period and discarded, the ramp included"},
+    )
+    variables["solver_tolerance"] = (
+        "model",
+        np.array([timedomain.SOLVER_TOLERANCE[timedomain.integrator_of(run.plans[0], model)] for model in MODELS]),
+        number | {"long_name": "largest solver error that is allowed"},
+    )
+    variables["relative_tolerance"] = (
+        "point",
+        np.array(
+            [timedomain.accuracy(point, plan).relative for point, plan in zip(run.points, run.plans, strict=True)]
+        ),
+        number | {"long_name": "rtol of rk45 and radau"},
+    )
     return xr.Dataset(variables, _coordinates(run, evidence), _attributes(run, evidence))
 
 
@@ -162,18 +179,17 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         "realisations": np.int64(plan.realisations),
         "duration_s": plan.period,
         "integrator": "; ".join(f"{model}: {timedomain.integrator_of(plan, model)}" for model in MODELS),
-        "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, atol {accuracy.absolute:g} of a state's "
-        f"RMS, longest step 1/{timedomain.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a "
-        "sample of the track; exponential: exact for the track's spline",
+        "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, smaller where a mode in the band is damped by less "
+        f"than {timedomain.WELL_DAMPED:g}, atol the same share of a state's RMS, longest step 1/"
+        f"{timedomain.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a sample of the "
+        "track; exponential: exact for the track's spline",
         "interpolation": f"periodic cubic spline, at least {plan.samples_a_period} samples a period of the highest "
         "line, harmonics in the band exact",
         "start": plan.start,
         "ramp_s": 0.0 if steady else timedomain.RAMP,
         "discard_rule": "nothing: the start is the lines' own steady state" if steady else f"the ramp, then {discard}",
-        "startup_s": np.array([e.startup for e in evidence]),
         "tighter_repeat": "record 0 of point 1, ten times tighter (exponential: track sampled twice as often)",
         "tighter_repeat_change": evidence[0].tighter_change,
-        "solver_tolerance": np.array([timedomain.SOLVER_TOLERANCE[timedomain.integrator_of(plan, m)] for m in MODELS]),
         "interval_confidence": timedomain.CONFIDENCE,
         "verdict_confidence": timedomain.FAMILY_CONFIDENCE,
         "verdict_rule": "simultaneous (Bonferroni) over all statistical checks of the run",

@@ -62,6 +62,7 @@ SAMPLES_A_PERIOD = 10  # of the track, at the highest line
 STEPS_A_PERIOD = 5  # at least, of an integrator with error control, at the highest line
 KEPT_EVERY = 2  # steps of the track: the responses keep five samples a period of the highest line
 NEWMARK_SUBSTEPS = 8
+WELL_DAMPED = 0.02  # damping ratio below which an integrator's own damping would show at the default tolerance
 BATCH = 16  # records that are columns of one state
 MOST_MEMORY = 4e9  # bytes of tracks and responses
 TRIAL = 0.3  # s of wall time that the cost of a run is measured for
@@ -226,11 +227,29 @@ def simultaneous(checks: int) -> float:
 
 def slowest_decay(point: Point, highest: float) -> float:
     """Decay rate, 1/s, of the slowest mode of either model that a band up to `highest` [Hz] strikes."""
+    return float(np.min(-_struck(point, highest).real))
+
+
+def accuracy(point: Point, plan: Plan) -> Accuracy:
+    """The plan's accuracy, tighter where a mode in the band is so little damped that rk45's own damping would show."""
+    modes = _struck(point, plan.limits[1])
+    least = float(np.min(-modes.real / np.abs(modes)))
+    sharper = min(1.0, least / WELL_DAMPED)
+    longest = min(plan.accuracy.longest_step, 1 / (STEPS_A_PERIOD * plan.limits[1]))
+    return replace(
+        plan.accuracy,
+        relative=plan.accuracy.relative * sharper,
+        absolute=plan.accuracy.absolute * sharper,
+        longest_step=longest,
+    )
+
+
+def _struck(point: Point, highest: float) -> NDArray[np.complex128]:
+    """Poles of both models, rad/s, that a band up to `highest` [Hz] strikes."""
     both = np.concatenate([poles(v) for v in (point.vehicle, point.vehicle.traditional())])
     if not np.isfinite(both).all():
         raise InputError("the vehicle's numbers are too far apart for double precision: nothing to simulate")
-    struck = np.abs(both.imag) <= 2 * np.pi * (highest + NEAR)
-    return float(np.min(-both.real[struck]))
+    return both[np.abs(both.imag) <= 2 * np.pi * (highest + NEAR)]
 
 
 def startup(point: Point, plan: Plan) -> float:
@@ -265,7 +284,7 @@ def check_plan(point: Point, plan: Plan) -> None:
 def seconds(point: Point, plan: Plan) -> float:
     """Estimated wall time of `examine`, s, from running the first moments of it in the steady state."""
     trial = replace(plan, start="steady", period=min(plan.period, TRIAL_PERIOD))
-    side = time_side(point)
+    side, told = time_side(point), accuracy(point, plan)
     prepared = _prepare(point, trial, side, amplitudes(point, trial)[:BATCH])
     simulated = startup(point, plan) + plan.period
     total = 0.0
@@ -274,14 +293,18 @@ def seconds(point: Point, plan: Plan) -> float:
         options = (integrator, model, prepared.track, start, size)
         begin = time.perf_counter()
         if integrator in ("rk45", "radau"):
-            solver = solver_of(*options, _accuracy(trial, prepared))
+            solver = solver_of(*options, told)
             done = spent = 0.0
             while solver.status == "running" and spent < (TRIAL if done > TRIAL_LEAST else SLOW_TRIAL):
                 solver.step()
                 done, spent = solver.t, time.perf_counter() - begin
         else:
-            block = next(integrate(*options, prepared.stride, _accuracy(trial, prepared)))
-            done, spent = len(block) * prepared.stride * prepared.track.step, time.perf_counter() - begin
+            blocks = integrate(*options, prepared.stride, told)
+            block = next(blocks)
+            spent, begin = time.perf_counter() - begin, time.perf_counter()
+            if (second := next(blocks, None)) is not None:  # the first holds what is done once
+                block, spent = second, time.perf_counter() - begin
+            done = len(block) * prepared.stride * prepared.track.step
         total += spent / max(done, 1e-12) * simulated
     return total * -(-(plan.realisations + 1) // BATCH)
 
@@ -368,7 +391,7 @@ class _Prepared:
 
     track: Track
     stride: int
-    highest: float
+    accuracy: Accuracy
     side: Simulated
     start: dict[str, NDArray[np.float64]]
     size: dict[str, NDArray[np.float64]]
@@ -385,7 +408,7 @@ def _prepare(point: Point, plan: Plan, side: Simulated, records: NDArray[np.comp
         steady = _line_states(model, side.lags, lines)
         size[name] = np.sqrt(np.square(np.abs(steady)) @ np.square(lines.amplitude) / 2)
         start[name] = (steady @ records.T).real * (plan.start == "steady")
-    return _Prepared(track, KEPT_EVERY, float(lines.frequency[-1]), side, start, size)
+    return _Prepared(track, KEPT_EVERY, accuracy(point, plan), side, start, size)
 
 
 def _samples(side: Simulated, plan: Plan, lines: Lines) -> int:
@@ -426,11 +449,6 @@ def _stacked(prepared: _Prepared, names: tuple[str, ...]) -> tuple[StateSpace, N
     return model, start, np.concatenate([prepared.size[name] for name in names])
 
 
-def _accuracy(plan: Plan, prepared: _Prepared) -> Accuracy:
-    longest = min(plan.accuracy.longest_step, 1 / (STEPS_A_PERIOD * prepared.highest))
-    return replace(plan.accuracy, longest_step=longest)
-
-
 def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, NDArray, dict[str, str]]:
     """Mean squares [model, series, record], all responses of the first record [model, series, m], and failures."""
     kept = prepared.track.samples // prepared.stride
@@ -447,7 +465,7 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 for block in integrate(
-                    integrator, model, prepared.track, start, size, prepared.stride, _accuracy(plan, prepared), progress
+                    integrator, model, prepared.track, start, size, prepared.stride, prepared.accuracy, progress
                 ):
                     y = rows @ block
                     total += np.square(y).sum(axis=0)
