@@ -92,7 +92,8 @@ def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: b
     except (OSError, RuntimeError) as fault:
         temporary.unlink(missing_ok=True)
         full = shutil.disk_usage(target.parent).free < 2 * dataset.nbytes  # the library does not say so
-        words = "no space left on the disk" if full else getattr(fault, "strerror", None) or str(fault)
+        limit = f"{fault} (is a quota, or a limit on the size of files, reached?)"
+        words = "no space left on the disk" if full else getattr(fault, "strerror", None) or limit
         raise FileError(f"{target}: cannot be written: {words}") from None
     except BaseException:
         temporary.unlink(missing_ok=True)

@@ -312,6 +312,7 @@ def test_a_full_disk_is_told_and_leaves_the_old_file(kilobytes, here):
     command = f'ulimit -f {kilobytes}; exec "{sys.executable}" -m freqrail sweep yu-damper-joint -o old.nc --overwrite'
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=120)
     fails(done, 4, "old.nc: cannot be written: ")
+    assert "is a quota, or a limit on the size of files, reached?" in done.stderr
     assert [(path.name, path.read_bytes()) for path in here.iterdir()] == [("old.nc", OLD)]
 
 
