@@ -206,7 +206,8 @@ def check_case(case: Case) -> None:
     for found in case.axes:
         assert np.all(np.diff(found.si[np.isfinite(found.si)]) > 0), f"{found.name}: does not increase"
         first = re.match(r"(?:lin:|log:)?\s*([^:,\s]+)", found.text)[1]
-        unit = re.search(r"(?:[\d.]|inf)[ \t]*([^\d\s.:,][^:,]*|)$", found.text)[1]
+        last = re.split("[:,]", found.text)[-1]
+        unit = re.fullmatch(r"\s*(?:[+-]?(?:[\d.]+(?:[eE][+-]?\d+)?|inf))\s*(.*?)\s*", last)[1]
         check_value(found.name, f"{first} {unit}", found.si[0])
         with contextlib.suppress(ValueError):
             assert found.values[0] * factor(found.unit) == np.float64(found.si[0]) or np.isclose(
