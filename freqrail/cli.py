@@ -95,6 +95,7 @@ def cli() -> None:
 @click.option(
     "--jobs", type=click.IntRange(min=1), help="Threads that work on blocks; as many as processors unless given."
 )
+@click.option("--dask", metavar="ADDRESS|local", help="Send the blocks to a dask cluster: tcp://HOST:PORT, or local.")
 @_JSON
 def sweep(
     case: str,
@@ -107,6 +108,7 @@ def sweep(
     overwrite: bool,
     resume: bool,
     jobs: int | None,
+    dask: str | None,
     as_json: bool,
 ) -> None:
     """Compute the RMS responses of CASE over its grid and write them as a labelled NetCDF file."""
@@ -121,6 +123,14 @@ def sweep(
     from freqrail.storage import check_target
     from freqrail.summary import number
 
+    if dask and jobs:
+        raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
+    if dask:
+        from freqrail import cluster
+
+        executor = cluster.executor(dask)
+    else:
+        executor = local(jobs)
     loaded = load_case(case, settings_by_name, over_by_name)
     plan = Plan.of(loaded, responses, psd)
     target = Path(output or Path("results", f"{loaded.name}.nc"))
@@ -145,7 +155,7 @@ def sweep(
     start = time.perf_counter()
     try:
         with _progress("sweep", plan.work) as advance:
-            outcome = sweep_to_file(plan, target, overwrite, resume, local(jobs), advance)
+            outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
     except KeyboardInterrupt:
         if journal_path(target).exists():
             again = shlex.join(dict.fromkeys([*click.get_current_context().obj, "--resume"]))

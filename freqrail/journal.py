@@ -66,7 +66,13 @@ class Journal:
                 if there and not isinstance(fault, sqlite3.OperationalError):
                     raise InputError(_unusable(path, f"damaged ({fault})")) from None
                 raise FileError(f"{path}: the journal cannot be written: {fault}") from None
-            yield cls(path, keys, database)
+            try:
+                yield cls(path, keys, database)
+            except BaseException:
+                with contextlib.suppress(sqlite3.Error):
+                    if not database.execute("select count(*) from block").fetchone()[0]:
+                        remove(path)  # nothing to resume
+                raise
 
     def keep(self, key: str, data: bytes) -> None:
         """Add a finished block. Raises FileError if the disk does not take it."""
