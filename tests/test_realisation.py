@@ -9,6 +9,7 @@ from freqrail.realisation import (
     fixed_amplitudes,
     gaussian_amplitudes,
     mean_square,
+    refined,
     sampled_track,
     smooth_step,
     spectral_lines,
@@ -136,3 +137,11 @@ def test_a_band_without_manageable_lines_is_refused(german_low, limits):
 def test_too_few_samples_for_a_harmonic_are_refused(lines):
     with pytest.raises(ValueError, match="cannot carry"):
         sampled_track(lines, amplitudes(lines), LAGS, 2 * int(lines.order[-1]))
+
+
+def test_a_refined_track_is_the_same_straight_lines(lines):
+    coarse = sampled_track(lines, amplitudes(lines), LAGS, 400, before=10, interpolation="linear")
+    fine = refined(coarse, 5)
+    assert (fine.samples, fine.startup, fine.end) == (2000, pytest.approx(coarse.startup), pytest.approx(coarse.end))
+    for time in (-0.19, 0.0, 1.2345, 8.0):
+        np.testing.assert_allclose(fine.heights(time), coarse.heights(time), atol=1e-15)

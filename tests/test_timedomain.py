@@ -181,6 +181,30 @@ def test_a_model_that_runs_away_is_a_failure_with_a_reason_and_nan(point):
     assert (statistical[0] == timedomain.VERDICTS.index("failed")).all()
 
 
+# --- a usual run -----------------------------------------------------------------------------------
+
+
+def test_a_usual_run_reports_ten_times_the_bogies_acceleration_and_a_good_car_body(point):
+    """docs/confirming.md: from rest, straight lines 5 ms apart, default tolerances."""
+    time, responses, exact = timedomain.plain_run(point, (0.1, 90.0), 10.0, 0.005)
+    rms = np.sqrt(np.mean(responses**2, axis=-1))
+    assert time[-1] == pytest.approx(10.0, abs=0.002)
+    assert rms[0, 3] > 10 * exact[0, 3]
+    assert rms[0, 0] == pytest.approx(exact[0, 0], rel=0.2)
+
+
+def test_each_of_its_habits_alone_is_wrong_and_without_them_the_run_is_right(point):
+    def ratio(step, **options):
+        time, responses, exact = timedomain.plain_run(
+            point, (0.1, 90.0), 20.0, step, integrator="exponential", **options
+        )
+        return np.sqrt(np.mean(responses[0, 3, time > 4] ** 2)) / exact[0, 3]
+
+    assert ratio(0.001, interpolation="cubic") > 2  # a sudden start, seconds later
+    assert ratio(0.005, interpolation="linear", ramp=4.0) > 1.3  # straight lines
+    assert ratio(0.001, interpolation="cubic", ramp=4.0) == pytest.approx(1, abs=0.05)
+
+
 # --- statistics ------------------------------------------------------------------------------------
 
 
