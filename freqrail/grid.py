@@ -315,6 +315,7 @@ def cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
     while 2 * math.prod(size) <= most and any(s < n for s, n in zip(size, shape, strict=True)):
         shortest = min((axis for axis, n in enumerate(shape) if size[axis] < n), key=lambda axis: size[axis])
         size[shortest] *= 2
+    size = [-(-n // -(-n // step)) for n, step in zip(shape, size, strict=True)]  # all about equally long
     starts = [range(0, n, step) for n, step in zip(shape, size, strict=True)]
     return [
         tuple(slice(s, min(s + step, n)) for s, step, n in zip(corner, size, shape, strict=True))

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from freqrail.dataset import MODELS
+from freqrail.dataset import MODELS, PIECE, pieces
 from freqrail.errors import InputError
 from freqrail.names import DIMENSIONS, JOINTS, PARAMETERS, RESPONSES
 from freqrail.points import result_case
@@ -62,7 +62,6 @@ def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str
             if dataset[flags].dims != own or "flag_meanings" not in dataset[flags].attrs:
                 yield f"{flags} has other dimensions than {', '.join(own) or 'none'}, or no flag_meanings"
                 return
-        ok = dataset[f"{prefix}status"].values == 0
         for name, response in RESPONSES.items():
             place = (response.dimension,) if response.dimension else ()
             kinds = {"_rms": response.unit, "_rms_relative_error": "1", "_psd": response.psd_unit}
@@ -79,7 +78,16 @@ def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str
                 elif array.attrs.get("units") != unit:
                     yield f"{variable} has no unit {unit} (got {array.attrs.get('units', 'none')!r})"
                 elif kind != "_psd":
-                    every = np.isfinite(array.values).reshape(*ok.shape, -1)
-                    wrong = int(np.sum(ok & ~every.all(axis=-1)))
+                    wrong = _without_number(array, dataset[f"{prefix}status"])
                     if wrong:
                         yield f"{variable} has no number at {wrong} grid points whose status is ok"
+
+
+def _without_number(array: xr.DataArray, status: xr.DataArray) -> int:
+    """How many grid points are ok by their status and yet lack a number, read in pieces."""
+    count = 0
+    for piece in pieces(array.shape, PIECE // 8):
+        ok = status[piece[: status.ndim]].values == 0
+        finite = np.isfinite(array[piece].values).reshape(*ok.shape, -1).all(axis=-1)
+        count += int(np.sum(ok & ~finite))
+    return count
