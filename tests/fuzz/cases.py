@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 import pint
 
-from freqrail import dataset
+import freqrail
 from freqrail.case import Case, build_case
 from freqrail.casefile import shipped_cases
 from freqrail.errors import FreqrailError, FreqrailWarning
@@ -185,7 +185,7 @@ def one(text: str, settings: dict[str, str], over: dict[str, str], point: str, c
         mode_records(case)
     if not compute or math.prod(a.values.size for a in case.axes) > SMALL:
         return "accepted"
-    result = dataset.sweep(case)
+    result = freqrail.sweep(case)
     for name, variable in result.data_vars.items():
         if name.endswith("_rms"):
             status = result["traditional_status" if name.startswith("traditional") else "status"]
