@@ -137,7 +137,8 @@ def _arrange(values: NDArray, swept: list[str], squeeze: bool) -> NDArray:
         values = np.moveaxis(values, 1 + vehicles, 1 + swept.index("speed"))
     else:
         values = values[(slice(None),) * (1 + vehicles) + (0,)]
-    return np.ascontiguousarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)))
+    # not ascontiguousarray, which gives a single point without a position an axis of its own
+    return np.asarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)), order="C")
 
 
 def coordinate(axis: Axis) -> tuple[str, NDArray, dict[str, str]]:
