@@ -58,7 +58,7 @@ TWINS = {a: b for pair in PAIRS for a, b in (pair, pair[::-1])}
 
 
 def mutants(tree: ast.Module) -> Iterator[tuple[int, str, ast.Module]]:
-    """(line, what was changed, changed module), one change at a time; annotations and texts are left alone."""
+    """(line, what was changed, changed module), one change at a time; see `untested` for what is left alone."""
     skipped = {id(part) for node in ast.walk(tree) for part in untested(node)}
     for place, node in enumerate(ast.walk(tree)):
         if id(node) in skipped:
@@ -71,10 +71,12 @@ def mutants(tree: ast.Module) -> Iterator[tuple[int, str, ast.Module]]:
 
 
 def untested(node: ast.AST) -> Iterator[ast.AST]:
-    """What of a node means nothing when it runs: annotations (they are text here) and the names of types."""
+    """What of a node means nothing to the numbers: annotations (they are text here), names of types, decorators."""
     for key in ("annotation", "returns"):
         if getattr(node, key, None):
             yield from ast.walk(getattr(node, key))
+    for decorator in getattr(node, "decorator_list", ()):
+        yield from ast.walk(decorator)
     if isinstance(node, ast.Assign) and isinstance(node.value, ast.BinOp) and isinstance(node.value.op, ast.BitOr):
         yield from ast.walk(node.value)
 
