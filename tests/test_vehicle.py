@@ -526,3 +526,46 @@ def test_an_unknown_chain_is_refused(paper_vehicle):
     assert [len(ladder(paper_vehicle, chain)[0]) for chain in CHAINS] == [3, 3, 2]
     with pytest.raises(ValueError, match="roll"):
         ladder(paper_vehicle, "roll")
+
+
+# --- what a chain and a grid of vehicles consist of --------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("chain", "freedoms", "rows"),
+    [
+        ("bounce", ("car", "bogie", "wheelset"), [(1, -1, 0), (0, 1, -1)]),
+        ("pitch", ("car", "bogie", "wheelset"), [(1, -1, 0), (0, 1, -1)]),
+        ("bogie_pitch", ("bogie", "wheelset"), [(1, -1)]),
+    ],
+)
+def test_a_chain_hangs_body_under_body_on_its_legs_above_the_contact_spring(chain, freedoms, rows):
+    system = chain_system(VEHICLES[0], chain)
+    assert system.freedoms == freedoms
+    assert [leg.elongation for leg in system.legs] == rows
+    assert [leg.name for leg in system.legs] == ["secondary", "primary"][-len(rows) :]
+    assert system.contacts == ((len(freedoms) - 1, VEHICLES[0].contact_stiffness),)
+
+
+def test_a_column_of_vehicles_broadcasts_against_frequencies():
+    grid = replace(VEHICLES[0], bogie_mass=np.array([600.0, 700.0, 800.0])).column()
+    assert grid.bogie_mass.shape == (3, 1)
+    assert grid.car_body_mass == VEHICLES[0].car_body_mass
+    assert (grid.bogie_mass * np.ones(5)).shape == (3, 5)
+
+
+@pytest.mark.parametrize("joint", [5e6, np.inf], ids=["joints", "rigid"])
+def test_the_slightest_damper_acts(joint):
+    """Half a newton second a metre: a state of its own behind joints, and damping of the modes."""
+    slight, none = (
+        replace(VEHICLES[0], primary_damping=c, secondary_damping=0.0, primary_joint_stiffness=joint) for c in (0.5, 0)
+    )
+    states = state_space(half_vehicle(slight)).states
+    assert sum(state.startswith("Delta_primary") for state in states) == (4 if np.isfinite(joint) else 0)
+    assert np.max(poles(slight).real) < -1e-8
+    assert np.max(np.abs(poles(none).real)) < 1e-9
+
+
+def test_a_vehicle_that_overflows_has_no_poles_where_it_does():
+    """A wheelset of 1e-305 kg: its row of the matrix is not finite, the others are."""
+    assert np.isnan(poles(replace(VEHICLES[0], wheelset_mass=1e-305))).all()
