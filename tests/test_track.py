@@ -168,7 +168,14 @@ def test_the_whole_standard_deviation_is_the_closed_form_over_all_wavelengths(ge
     """sigma^2 = pi A Omega_c / (2 Omega_r (Omega_r + Omega_c)), with nothing left out at either end."""
     low, high = german_low.cutoffs
     closed = np.sqrt(np.pi * german_low.roughness * high / (2 * low * (low + high)))
-    assert standard_deviation(german_low) == pytest.approx(closed, rel=1e-13)
+    assert standard_deviation(german_low) == pytest.approx(closed, rel=1e-13, abs=0)
+
+
+@pytest.mark.parametrize("cutoff", [0.03, 2.0])
+def test_the_standard_deviation_with_two_equal_cutoffs(cutoff):
+    """sigma^2 = pi A / (4 Omega_c)."""
+    double = RationalSpectrum("double", 1e-6, (cutoff, cutoff))
+    assert standard_deviation(double) == pytest.approx(np.sqrt(np.pi * 1e-6 / (4 * cutoff)), rel=1e-13, abs=0)
 
 
 def test_a_rational_spectrum_is_singular_in_the_left_half_plane_and_has_no_kinks(german_low):
