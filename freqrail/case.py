@@ -30,7 +30,17 @@ from freqrail.casefile import (
 )
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import Axis, Quantity, given, is_same, nearest, parse_axis, parse_pair, parse_quantity
+from freqrail.quantities import (
+    Axis,
+    Quantity,
+    given,
+    is_same,
+    milli_hint,
+    nearest,
+    parse_axis,
+    parse_pair,
+    parse_quantity,
+)
 from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, Band, RationalSpectrum
 from freqrail.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 
@@ -164,6 +174,7 @@ def build_case(
         problems += _point_problems(points, quantities, axes, file)
     if checked is None or problems:
         raise InputError(*dict.fromkeys(problems))
+    _warn_of_millinewtons(quantities, axes, where)
     _warn_of_soft_joints(quantities, axes, where)
     return Case(
         name=name,
@@ -432,10 +443,11 @@ def place_point(
         if is_same(axis.si[at], quantity.value) or (near and not named):
             indices[axis.name] = at
             continue
-        source = "" if named else "left out, and the case's own value "
         value = axis.values[at]
         best = "inf" if np.isinf(value) else f"{value:.10g} {axis.unit}"
-        faults[axis.name] = f'{source}"{quantity.text}" is off the grid; the nearest value is {best}'
+        off = f'"{quantity.text}" is off the grid; the nearest value is {best}'
+        stray = f'left out, and the case\'s own value {off}: name it, as in "{axis.name}={best}"'
+        faults[axis.name] = off if named else stray
     for name in set(point) - {axis.name for axis in axes}:
         own = scalars.get(name)
         if own is None or not is_same(own.value, point[name].value):
@@ -452,6 +464,16 @@ def _point_problems(
         for place, point in points.items()
         for name, fault in place_point(point, axes, _scalars(quantities))[1].items()
     ]
+
+
+def _warn_of_millinewtons(
+    quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]
+) -> None:
+    written = [(where(PARAMETERS[name].section, name), quantity.text) for name, quantity in quantities.items()]
+    written += [(where("sweep", axis.name), axis.text) for axis in axes]
+    for place, text in written:
+        if milli_hint(text):
+            warnings.warn(f'{place}: {milli_hint(text)} (got "{text}")', FreqrailWarning, stacklevel=4)
 
 
 def _warn_of_soft_joints(quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]) -> None:

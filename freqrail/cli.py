@@ -278,8 +278,9 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     point = _one_point(at)
     dataset = open_result(result)
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
-    for path in figures.plot(dataset, folder, file_format, point):
-        click.echo(str(path))
+    with _progress("figures", figures.count(dataset, point)) as advance:
+        paths = figures.plot(dataset, folder, file_format, point, advance)
+    click.echo("\n".join(map(str, paths)))
     hint = figures.hint(dataset)
     if hint:
         click.echo(f"freqrail: {hint}", err=True)
@@ -289,7 +290,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 @click.argument("what", metavar="CASE|RESULT.nc")
 @_AT
 @_SET
-@click.option("--check", is_flag=True, help="Only check that a result is whole; the digest is compared.")
+@click.option("--check", is_flag=True, help="Only check that a file is a whole result; safe for any file.")
 @_JSON
 def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], check: bool, as_json: bool) -> None:
     """Show a case with what follows from it, or a result; with --at, the numbers of one grid point."""
@@ -320,16 +321,16 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
 
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
     from freqrail import summary
-    from freqrail.dataset import first_failures
     from freqrail.evidence import is_confirmation
     from freqrail.storage import open_result
+    from freqrail.untrusted import check_result
 
     point = _one_point(at)
-    dataset = open_result(what)
     if check:
-        facts = {"file": what, "digest": dataset.attrs["content_digest"], "failures": first_failures(dataset)}
-        _report(facts, as_json, f"{what}: whole; content digest {dataset.attrs['content_digest'][:16]}... matches")
+        facts = {"file": what, **check_result(what)}
+        _report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
+    dataset = open_result(what)
     if is_confirmation(dataset):
         facts, lines = summary.confirmation_text(dataset, point)
         _report(facts, as_json, *lines)

@@ -137,7 +137,8 @@ def _arrange(values: NDArray, swept: list[str], squeeze: bool) -> NDArray:
         values = np.moveaxis(values, 1 + vehicles, 1 + swept.index("speed"))
     else:
         values = values[(slice(None),) * (1 + vehicles) + (0,)]
-    return np.ascontiguousarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)))
+    # not ascontiguousarray, which gives a single point without a position an axis of its own
+    return np.asarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)), order="C")
 
 
 def coordinate(axis: Axis) -> tuple[str, NDArray, dict[str, str]]:
@@ -207,12 +208,12 @@ def content_digest(dataset: xr.Dataset) -> str:
         else:
             little = variable.dtype.newbyteorder("<")
             add(little.str)
-            for piece in _pieces(variable.shape, PIECE // little.itemsize):
+            for piece in pieces(variable.shape, PIECE // little.itemsize):
                 digest.update(np.ascontiguousarray(variable[piece].values, dtype=little).data)
     return digest.hexdigest()
 
 
-def _pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[slice, ...]]:
+def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[slice, ...]]:
     """An array cut into pieces of about `most` values, one after the other as they lie in memory."""
     axis = next((k for k in range(len(shape)) if math.prod(shape[k + 1 :]) <= most), len(shape))
     if axis == len(shape):

@@ -291,11 +291,11 @@ def records(dataset: xr.Dataset, point: int) -> list[dict[str, Any]]:
                         "series": str(dataset["series"].values[k]),
                         "RMS": rms,
                         "simulated": simulated,
-                        "95 % low": low,
-                        "95 % high": high,
+                        "interval_low": low,
+                        "interval_high": high,
                         "unit": response.shown_unit,
                         "statistical": _word(one["verdict_statistical"], k),
-                        "solver error": float(one["solver_error"].values[k]),
+                        "solver_error": float(one["solver_error"].values[k]),
                         "solver": _word(one["verdict_solver"], k),
                     }
                 )

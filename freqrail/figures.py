@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from freqrail import confirmation_figures
 from freqrail.case import Case
-from freqrail.dataset import MODELS
+from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.evidence import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
@@ -70,13 +70,18 @@ _STYLE = {
 
 
 def plot(
-    dataset: xr.Dataset, folder: str | os.PathLike[str], format: str = "png", at: Point | None = None
+    dataset: xr.Dataset,
+    folder: str | os.PathLike[str],
+    format: str = "png",
+    at: Point | None = None,
+    progress: Callable[[int], object] = lambda figures: None,
 ) -> list[Path]:
     """Draw every figure that a sweep's result allows into `folder`; returns the files' paths.
 
     dataset: a result of `sweep` or `confirm`. folder: made if it is missing, but not its parents. format: "png"
     (200 dpi), "svg" or "pdf". at: the point (see `points.parse_point`) at which a figure holds the
     parameters that it does not draw; a name left out takes the case's scalar, or the grid's nearest value.
+    progress: called with the number of figures just drawn.
 
     Figures are `rms-against-speed`, or one `rms-against-speed-AXIS` a further axis; `rms-against-AXIS`
     and `map-speed-AXIS` for each of these; and `psd` where spectra are stored (see `hint`). An axis of one
@@ -88,12 +93,7 @@ def plot(
     """
     if format not in FORMATS:
         raise InputError(f"--format: must be one of {', '.join(FORMATS)} (got {format!r})")
-    if is_confirmation(dataset):
-        drawings = confirmation_figures.drawings(dataset, confirmed_point(dataset, at) if at else None)
-    elif "status" in dataset:
-        drawings = _drawings(dataset, locate(dataset, at, nearest=True))
-    else:
-        raise InputError("plot: this dataset is no result of `freqrail sweep` (it has no variable status)")
+    drawings = _all_drawings(dataset, at)
     if not drawings:
         raise InputError(
             "plot: nothing to draw: at least two speeds, two values of another swept parameter, or stored spectra "
@@ -103,7 +103,26 @@ def plot(
     title = str(dataset.attrs.get("title", dataset.attrs["case_name"]))
     # after_reset: a matplotlibrc of the user's must not change the bytes
     with matplotlib.style.context(_STYLE, after_reset=True):
-        return [_save(draw(), target / f"{stem}.{format}", title) for stem, draw in drawings.items()]
+        paths = []
+        for stem, draw in drawings.items():
+            paths.append(_save(draw(), target / f"{stem}.{format}", title))
+            progress(1)
+        return paths
+
+
+def count(dataset: xr.Dataset, at: Point | None = None) -> int:
+    """Number of figures that `plot` draws. Raises InputError as it does."""
+    return len(_all_drawings(dataset, at))
+
+
+def _all_drawings(dataset: xr.Dataset, at: Point | None) -> dict[str, Callable[[], Figure]]:
+    if is_confirmation(dataset):
+        return confirmation_figures.drawings(dataset, confirmed_point(dataset, at) if at else None)
+    if "status" not in dataset:
+        raise InputError("plot: this dataset is no result of `freqrail sweep` (it has no variable status)")
+    if not np.any(dataset["status"] == 0) and not np.any(dataset["traditional_status"] == 0):
+        raise InputError(f"plot: no grid point has a result ({'; '.join(first_failures(dataset))})")
+    return _drawings(dataset, locate(dataset, at, nearest=True))
 
 
 def hint(dataset: xr.Dataset) -> str | None:

@@ -42,6 +42,7 @@ _FACTOR = rf"[A-Za-zµμ]+{_POWER}"
 _JOINED = r"(?: *[*·./] *| +)"
 _PRODUCT = rf"{_FACTOR}(?:{_JOINED}{_FACTOR})*"
 _UNIT = re.compile(rf"(?:{_FACTOR}|\({_PRODUCT}\))(?:{_JOINED}(?:{_FACTOR}|\({_PRODUCT}\)))*")
+_MILLINEWTON = re.compile(r"(?<![A-Za-zµμ])mN(?![A-Za-z])[^\s\",]*")
 _AMBIGUOUS = re.compile(r"\btons?\b")  # 907 kg to pint, 1000 kg to most of those who type it
 
 
@@ -165,9 +166,16 @@ def _check(parameter: Parameter, value: float, got: str) -> None:
     if low:
         bound = f"greater than {parameter.lower:g}" if parameter.above else f"at least {parameter.lower:g}"
         rigid = ', or "inf" for a rigid joint' if parameter.infinite else ""
-        raise ValueError(f"must be {bound} {parameter.unit}{rigid} {got}")
+        hint = milli_hint(got)
+        raise ValueError(f"must be {bound} {parameter.unit}{rigid}{hint and f'; {hint}'} {got}")
     if value > parameter.upper * (1 + 1e-12):
         raise ValueError(f"{parameter.hint or f'must be at most {parameter.upper:g} {parameter.unit}'} {got}")
+
+
+def milli_hint(text: str) -> str:
+    """What to say of a unit in millinewtons, a slip of the shift key in this field; "" if there is none."""
+    found = _MILLINEWTON.search(text)
+    return f'"{found[0]}" is millinewtons: did you mean "M{found[0][1:]}"?' if found else ""
 
 
 # --- single quantities and pairs -------------------------------------------------------------------

@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest
 from freqrail.errors import FileError, InputError
+from freqrail.quantities import given
+from freqrail.schema import faults
 
 _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
 CHUNK = 1_000_000  # most bytes of a chunk of a variable in the file
@@ -42,14 +44,16 @@ def check_target(
     overwrite: the file may exist. inputs: files that it must not be. needed: bytes it will take.
     new_folder: its folder may be missing, the caller will make it.
 
-    Raises InputError (exit 2) if it exists and `overwrite` is not set, or is one of the `inputs`, also
-    through a link, or larger than the disk's free space; FileError (exit 4) if its folder is missing or
-    cannot be written.
+    Raises InputError (exit 2) if its name does not end in .nc, if it exists and `overwrite` is not set, or is one of
+    the `inputs`, also through a link, or larger than the disk's free space; FileError (exit 4) if its folder is
+    missing or cannot be written.
     """
     target = Path(path)
     for source in inputs:
         if target.exists() and os.path.exists(source) and os.path.samefile(target, source):
             raise InputError(f"{target}: is the input itself; name another output file")
+    if not target.is_dir() and target.suffix != ".nc":
+        raise InputError(f'{target}: the name of a NetCDF file ends in ".nc"; did you mean {target}.nc?')
     if target.is_dir():
         raise InputError(f"{target}: is a folder; name a file in it, such as {target / 'result.nc'}")
     if target.exists() and not overwrite:
@@ -143,7 +147,8 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
     except (OSError, RuntimeError, InputError) as fault:
         temporary.unlink(missing_ok=True)
         full = shutil.disk_usage(target.parent).free < 2 * size  # the library does not say so
-        words = "no space left on the disk" if full else getattr(fault, "strerror", None) or str(fault)
+        limit = f"{fault} (is a quota, or a limit on the size of files, reached?)"
+        words = "no space left on the disk" if full else getattr(fault, "strerror", None) or limit
         raise FileError(f"{target}: cannot be written: {words}") from None
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -208,8 +213,8 @@ def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: b
 def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a result of freqrail into memory, after checking that it is whole.
 
-    Raises InputError for a missing or foreign file, a newer schema, or a content that does not match
-    the digest stored in it.
+    Raises InputError for a missing or foreign file, a newer schema, a content that does not match
+    the digest stored in it, or one that is no result (see `schema`).
     """
     with opened(path) as lazy:
         return lazy.load()
@@ -247,6 +252,9 @@ def opened(path: str | os.PathLike[str]) -> Iterator[xr.Dataset]:
                 f"{source}: changed since freqrail wrote it, or damaged: its content does not match its digest; "
                 "compute it anew"
             )
+        problems = [f"{source}: is no whole result of freqrail: {fault}" for fault in faults(dataset)]
+        if problems:
+            raise InputError(*problems)
         yield dataset
 
 
@@ -255,10 +263,10 @@ def _check_head(raw: netCDF4.Dataset, source: Path) -> None:
     version = getattr(raw, "dataset_schema_version", None)
     if version is None or "content_digest" not in raw.ncattrs():
         raise InputError(f"{source}: is not a result of freqrail (no dataset_schema_version)")
-    if int(version) > SCHEMA_VERSION:
-        raise InputError(
-            f"{source}: has schema {int(version)}, this freqrail reads up to {SCHEMA_VERSION}; update freqrail"
-        )
+    if not isinstance(version, np.integer):
+        raise InputError(f"{source}: has no schema number {given(version)}")
+    if version > SCHEMA_VERSION:
+        raise InputError(f"{source}: has schema {version}, this freqrail reads up to {SCHEMA_VERSION}; update freqrail")
     declared = sum(math.prod(v.shape) * np.dtype(v.dtype).itemsize for v in raw.variables.values())
     if declared > _EXPANSION * max(source.stat().st_size, 1_000_000):
         raise InputError(f"{source}: declares {declared:.3g} bytes of data, far more than the file holds")

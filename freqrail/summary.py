@@ -1,6 +1,7 @@
 """What the terminal shows of a case, its modes and a result: plain records, and tables made of them.
 
-Records are dicts that `--json` prints as they are; `table` sets them in columns.
+Records are dicts that `--json` prints as they are, so their keys are plain identifiers; `table` sets them in
+columns and heads these in words.
 """
 
 from __future__ import annotations
@@ -26,6 +27,15 @@ from freqrail.vehicle import static_wheel_load
 
 Record = dict[str, Any]
 
+HEADINGS = {
+    "Hz_rigid_joints": "Hz, rigid joints",
+    "damping_rigid_joints": "damping, rigid joints",
+    "difference_percent": "difference %",
+    "interval_low": "95 % low",
+    "interval_high": "95 % high",
+}
+"""Keys of records whose column is not headed by the key with blanks for underscores."""
+
 
 def printable(text: str) -> str:
     """Text with its control characters escaped, so that none reaches a terminal; lines stay lines."""
@@ -45,14 +55,15 @@ def table(records: Sequence[Record], columns: Sequence[str] | None = None) -> st
     """Records as aligned text columns; numbers to the right, missing entries blank."""
     columns = list(columns or records[0])
     cells = [[_cell(record.get(column)) for column in columns] for record in records]
-    widths = [max(len(column), *(len(row[i]) for row in cells)) for i, column in enumerate(columns)]
+    heads = [HEADINGS.get(column, column.replace("_", " ")) for column in columns]
+    widths = [max(len(head), *(len(row[i]) for row in cells)) for i, head in enumerate(heads)]
     right = [all(isinstance(r.get(c), int | float | None) for r in records) for c in columns]
 
     def line(row: Sequence[str]) -> str:
         parts = [t.rjust(w) if r else t.ljust(w) for t, w, r in zip(row, widths, right, strict=True)]
         return "  ".join(parts).rstrip()
 
-    return "\n".join([line(columns), line(["-" * w for w in widths]), *(line(row) for row in cells)])
+    return "\n".join([line(heads), line(["-" * w for w in widths]), *(line(row) for row in cells)])
 
 
 def _cell(value: object) -> str:
@@ -132,9 +143,9 @@ def mode_records(case: Case) -> list[Record]:
                 "mode": mode.name,
                 "Hz": mode.natural_frequency,
                 "damping": mode.damping_ratio,
-                "decay s": mode.time_constant,
-                "Hz, rigid joints": twin.natural_frequency if twin else None,
-                "damping, rigid joints": twin.damping_ratio if twin else None,
+                "decay_s": mode.time_constant,
+                "Hz_rigid_joints": twin.natural_frequency if twin else None,
+                "damping_rigid_joints": twin.damping_ratio if twin else None,
                 "shape": ", ".join(f"{body} {value:+.3f}" for body, value in mode.shape.items()),
             }
         )
@@ -144,9 +155,9 @@ def mode_records(case: Case) -> list[Record]:
                 "mode": mode.name,
                 "Hz": None,
                 "damping": None,
-                "decay s": None,
-                "Hz, rigid joints": mode.natural_frequency,
-                "damping, rigid joints": mode.damping_ratio,
+                "decay_s": None,
+                "Hz_rigid_joints": mode.natural_frequency,
+                "damping_rigid_joints": mode.damping_ratio,
                 "shape": "",
             }
         )
@@ -173,7 +184,7 @@ def result_ranges(dataset: xr.Dataset) -> list[Record]:
                     "smallest": float(values[has].min()) * response.shown_scale if has.any() else math.nan,
                     "largest": float(values[has].max()) * response.shown_scale if has.any() else math.nan,
                     "unit": response.shown_unit,
-                    "largest error": float(error[has].max()) if has.any() else math.nan,
+                    "largest_error": float(error[has].max()) if has.any() else math.nan,
                 }
             )
     return records
@@ -224,10 +235,10 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[str, list[Re
                     "response": response.long_name,
                     "at": str(label) if response.dimension != "axle" else f"axle {label}",
                     "RMS": joint * response.shown_scale,
-                    "rigid joints": rigid * response.shown_scale,
+                    "rigid_joints": rigid * response.shown_scale,
                     "unit": response.shown_unit,
-                    "difference %": 100 * (joint / rigid - 1),
-                    "relative error": error,
+                    "difference_percent": 100 * (joint / rigid - 1),
+                    "relative_error": error,
                 }
             )
     return where, records

@@ -199,10 +199,10 @@ def ladder(vehicle: Vehicle, chain: str) -> tuple[list[Number], list[tuple[Numbe
     if chain == "bounce":
         return [vehicle.car_body_mass / 4, vehicle.bogie_mass / 2, vehicle.wheelset_mass], [secondary, primary]
     if chain == "pitch":
-        car = vehicle.car_body_pitch_inertia / (4 * vehicle.half_bogie_spacing**2)
+        car = vehicle.car_body_pitch_inertia / (4 * np.square(vehicle.half_bogie_spacing))
         return [car, vehicle.bogie_mass / 2, vehicle.wheelset_mass], [secondary, primary]
     if chain == "bogie_pitch":
-        frame = vehicle.bogie_pitch_inertia / (2 * vehicle.half_wheelbase**2)
+        frame = vehicle.bogie_pitch_inertia / (2 * np.square(vehicle.half_wheelbase))
         return [frame, vehicle.wheelset_mass], [primary]
     raise ValueError(f"unknown chain {chain!r}: one of {', '.join(CHAINS)}")
 

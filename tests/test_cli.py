@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -107,54 +106,6 @@ def test_points_without_a_result_end_with_3_and_a_file_that_says_so(here, capsys
     assert all("2 undamped" in line and "the first at" in line for line in told)
 
 
-BAD = {
-    "unknown option": (["sweep", "yu-damper-joint", "--sped"], "No such option"),
-    "missing argument": (["sweep"], "Missing argument 'CASE'"),
-    "no such command": (["swep"], "No such command"),
-    "jobs 0": (["sweep", "yu-damper-joint", "--jobs", "0"], "0 is not in the range"),
-    "no equals sign": (["sweep", "yu-damper-joint", "--over", "speed"], "NAME=VALUE"),
-    "unknown name over": (["sweep", "yu-damper-joint", "--over", "sped=1 km/h"], "did you mean speed?"),
-    "unknown name set": (["sweep", "yu-damper-joint", "--set", "bogie_mas=1 kg"], "did you mean bogie_mass?"),
-    "set of a swept name": (["sweep", "yu-damper-joint", "--set", "speed=9 km/h"], '--over "speed=9 km/h"'),
-    "nan": (["sweep", "yu-damper-joint", "--set", "bogie_mass=nan kg"], "not a number"),
-    "unknown response": (
-        ["sweep", "yu-damper-joint", "--responses", "bogie_accel"],
-        "did you mean bogie_acceleration?",
-    ),
-    "twice": (["sweep", "yu-damper-joint", "--over", "speed=1 km/h", "--over", "speed=2 km/h"], "given twice"),
-    "frequency without psd": (["sweep", "yu-damper-joint", "--over", "frequency=1, 2 Hz"], "add --psd"),
-    "missing case": (["sweep", "yu-damper-join"], "did you mean yu-damper-joint?"),
-    "a folder as case": (["sweep", "."], "is a folder"),
-    "a folder as output": (["sweep", "yu-damper-joint", "-o", "."], "is a folder"),
-    "plot format": (["plot", "x.nc", "--format", "gif"], "'gif' is not one of"),
-    "plot of nothing": (["plot", "x.nc"], "no such file"),
-    "plot of text": (["plot", "text.nc"], "is not a NetCDF file"),
-    "plot of an empty file": (["plot", "empty.nc"], "it is empty"),
-    "show of a URL": (["show", "http://localhost/x.nc"], "only local files"),
-    "at of a case": (["show", "yu-damper-joint", "--at", "speed=250 km/h"], "goes with a result"),
-    "cases of no name": (["cases", "yu"], "no shipped case"),
-    "too large for the disk": (
-        ["sweep", "yu-damper-joint", "--over", "speed=lin:1:600:9999999 km/h", "--psd"],
-        "too large for this disk",
-    ),
-    "too many values": (["sweep", "yu-damper-joint", "--over", "speed=lin:1:600:10000001 km/h"], "exceeds the limit"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_usage_is_one_line_and_exit_2_and_touches_no_file(name, here, capsys):
-    (here / "text.nc").write_text("not a NetCDF file\n")
-    (here / "empty.nc").touch()
-    before = {p: p.read_bytes() for p in here.iterdir()}
-    arguments, words = BAD[name]
-    assert run(arguments) == 2
-    told = lines(capsys)
-    assert len(told) == 1, told
-    assert told[0].startswith("freqrail: error: ")
-    assert words in told[0]
-    assert {p: p.read_bytes() for p in here.iterdir() if p.is_file()} == before
-
-
 def test_every_fault_of_a_case_is_told_at_once_a_line_each(here, capsys):
     text = freqrail.shipped_cases()["yu-damper-joint"]
     faulty = text.replace('"15200 kg"', "15200").replace("bogie_mass =", "bogie_mas =").replace("km/h", "km")
@@ -163,40 +114,6 @@ def test_every_fault_of_a_case_is_told_at_once_a_line_each(here, capsys):
     told = lines(capsys)
     assert len(told) >= 5
     assert all(line.startswith("freqrail: error: bad.toml: [") for line in told)
-
-
-def test_an_existing_file_is_left_alone_without_overwrite(result, capsys):
-    before = result.read_bytes()
-    assert run(["sweep", "yu-damper-joint", *SMALL, "-o", str(result)]) == 2
-    assert "--overwrite" in lines(capsys)[0]
-    assert result.read_bytes() == before
-
-
-def test_the_input_is_never_the_output_also_through_a_link(here, capsys):
-    Path("case.toml").write_text(freqrail.shipped_cases()["yu-damper-joint"])
-    Path("link.nc").symlink_to("case.toml")
-    before = Path("case.toml").read_bytes()
-    for out in ("case.toml", "link.nc"):
-        assert run(["sweep", "case.toml", "-o", out, "--overwrite"]) == 2
-        assert "is the input itself" in lines(capsys)[0]
-    assert Path("case.toml").read_bytes() == before
-
-
-def test_a_missing_output_folder_is_exit_4_before_computing(here, capsys):
-    assert run(["sweep", "yu-damper-joint", "-o", "nowhere/out.nc"]) == 4
-    assert "nowhere: no such folder" in lines(capsys)[0]
-
-
-def test_a_soft_joint_is_warned_of_and_computed(here, capsys):
-    assert run(["sweep", "yu-damper-joint", "--over", "primary_joint_stiffness=5 kN/m", *SMALL[:2]]) == 0
-    assert any(line.startswith("freqrail: warning: ") and "check the unit" in line for line in lines(capsys))
-
-
-def test_control_characters_of_a_title_do_not_reach_the_terminal(here, capsys):
-    assert run(["show", "yu-damper-joint", "--set", "title=a\x1b[31mred"]) == 0
-    out = capsys.readouterr().out
-    assert "\x1b" not in out
-    assert "a\\x1b[31mred" in out
 
 
 def test_show_prints_the_eleven_numbers_of_a_point(result, capsys):
@@ -262,28 +179,6 @@ def test_version():
     assert done.stdout == f"freqrail {freqrail.__version__}\n"
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
-def test_a_full_stdout_is_exit_4_without_a_traceback(here):
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "freqrail", "cases"], stdout=full, stderr=subprocess.PIPE, text=True, cwd=here
-        )
-    assert done.returncode == 4
-    assert len(done.stderr.splitlines()) == 1
-
-
-def test_a_closed_pipe_is_quiet(here):
-    with subprocess.Popen(
-        [sys.executable, "-m", "freqrail", "cases", "yu-damper-joint"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        cwd=here,
-    ) as process:
-        process.stdout.close()
-        assert process.stderr.read() == b""
-    assert process.returncode == 4
-
-
 def test_modes_and_show_take_any_scalar_also_of_a_swept_quantity(capsys):
     def softest(*arguments: str) -> float:
         assert run(["modes", "yu-damper-joint", "--json", *arguments]) == 0
@@ -293,11 +188,6 @@ def test_modes_and_show_take_any_scalar_also_of_a_swept_quantity(capsys):
     assert softest("--set", "primary_joint_stiffness=0.5 MN/m") < 0.1 * softest()
     assert run(["show", "yu-damper-joint", "--set", "speed=100 km/h"]) == 0
     assert "100 km/h" in capsys.readouterr().out
-
-
-def test_two_points_where_one_is_shown_are_refused(result, capsys):
-    assert run(["show", str(result), "--at", "speed=200 km/h", "--at", "speed=250 km/h"]) == 2
-    assert "takes one point" in lines(capsys)[0]
 
 
 def test_a_point_without_a_result_says_why(here, capsys):

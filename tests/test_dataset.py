@@ -94,6 +94,17 @@ def test_an_axis_of_one_value_stays_a_dimension():
         assert found[f"traditional_{name}_rms"].dims == ("speed", *place)
 
 
+def test_a_case_that_sweeps_nothing_is_a_single_point_without_axes(tmp_path):
+    text = freqrail.shipped_cases()[CASE]
+    file = tmp_path / "alone.toml"
+    file.write_text(text[: text.index("[sweep]")], encoding="utf-8")
+    found, swept = freqrail.sweep(file, responses="all"), freqrail.sweep(CASE, over=one_point(), responses="all")
+    assert found["status"].dims == ()
+    for name, response in RESPONSES.items():
+        assert found[f"{name}_rms"].dims == ((response.dimension,) if response.dimension else ())
+        np.testing.assert_array_equal(found[f"{name}_rms"], swept[f"{name}_rms"].squeeze())
+
+
 def test_an_added_axis_comes_last_and_keeps_the_users_unit():
     found = freqrail.sweep(CASE, over=one_point(secondary_damping="40, 54 kN*s/m"))
     assert found["bogie_acceleration_rms"].dims == (PRIMARY, SECONDARY, "speed", "secondary_damping", "bogie")

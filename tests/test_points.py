@@ -157,8 +157,10 @@ def test_a_large_value_is_not_taken_for_a_rigid_joint(result):
 
 def test_scalars_off_the_grid_are_an_error_or_the_nearest(off_scalar):
     assert refusal(off_scalar) == (
-        f'--at {JOINT}: left out, and the case\'s own value "5 MN/m" is off the grid; the nearest value is 10 MN/m',
-        '--at speed: left out, and the case\'s own value "250 km/h" is off the grid; the nearest value is 240 km/h',
+        f'--at {JOINT}: left out, and the case\'s own value "5 MN/m" is off the grid; the nearest value is 10 MN/m: '
+        f'name it, as in "{JOINT}=10 MN/m"',
+        '--at speed: left out, and the case\'s own value "250 km/h" is off the grid; the nearest value is 240 km/h: '
+        'name it, as in "speed=240 km/h"',
     )
     assert locate(off_scalar, nearest=True) == {JOINT: 0, "secondary_joint_stiffness": 0, "speed": 1}
     assert locate(off_scalar, parse_point(f"speed=300 km/h, {JOINT}=20 MN/m")) == {

@@ -7,12 +7,16 @@ import pytest
 from scipy.integrate import quad
 
 from freqrail.track import (
+    GERMAN_CUTOFFS,
+    GERMAN_ROUGHNESS,
     Band,
     RationalSpectrum,
     TabulatedSpectrum,
     angular_psd,
     band_limits,
     frequency_psd,
+    kinks,
+    singular_points,
     standard_deviation,
     wavenumber_psd,
 )
@@ -127,8 +131,8 @@ def test_a_frequency_band_is_the_same_at_every_speed():
 
 def test_a_wavelength_band_moves_with_the_speed_longest_first():
     """A wave of 200 m passes in 4 s at 50 m/s: 0.25 Hz is the lower limit, its shortest wave the upper."""
-    limits = band_limits(Band("wavelength", 1.0, 200.0), np.array([50.0, 100.0]))
-    np.testing.assert_allclose(limits / (2 * np.pi), [[0.25, 0.5], [50.0, 100.0]], rtol=1e-15)
+    limits = band_limits(Band("wavelength", 2.0, 200.0), np.array([50.0, 100.0]))
+    np.testing.assert_allclose(limits / (2 * np.pi), [[0.25, 0.5], [25.0, 50.0]], rtol=1e-15)
     assert np.all(limits[0] < limits[1])
 
 
@@ -153,3 +157,52 @@ def test_a_table_of_the_german_spectrum_is_the_german_spectrum_between_its_point
 def test_a_table_that_is_none_is_refused(points, values):
     with pytest.raises(ValueError, match="wavenumbers"):
         TabulatedSpectrum("table", points, values)
+
+
+def test_the_high_german_spectrum_is_rougher_by_its_own_coefficient():
+    assert GERMAN_ROUGHNESS == {"german-low": 4.032e-7, "german-high": 1.080e-6}
+    assert GERMAN_CUTOFFS == (0.0206, 0.8246)
+
+
+def test_the_whole_standard_deviation_is_the_closed_form_over_all_wavelengths(german_low):
+    """sigma^2 = pi A Omega_c / (2 Omega_r (Omega_r + Omega_c)), with nothing left out at either end."""
+    low, high = german_low.cutoffs
+    closed = np.sqrt(np.pi * german_low.roughness * high / (2 * low * (low + high)))
+    assert standard_deviation(german_low) == pytest.approx(closed, rel=1e-13)
+
+
+def test_a_rational_spectrum_is_singular_in_the_left_half_plane_and_has_no_kinks(german_low):
+    speeds = np.array([10.0, 50.0])
+    expected = [-0.206, -8.246, -1.03, -41.23]
+    np.testing.assert_allclose(singular_points(german_low, speeds), expected, rtol=1e-14)
+    assert kinks(german_low, speeds).shape == (0, 2)
+
+
+def test_a_table_is_singular_at_zero_and_has_its_points_as_kinks():
+    table = TabulatedSpectrum("measured", (0.1, 1.0, 4.0), (1e-3, 1e-5, 1e-7))
+    speeds = np.array([10.0, 50.0])
+    assert singular_points(table, speeds).tolist() == [0]
+    np.testing.assert_allclose(kinks(table, speeds), [[1, 5], [10, 50], [40, 200]], rtol=1e-15)
+
+
+def test_two_points_make_a_table_and_one_does_not():
+    two = TabulatedSpectrum("straight", (1.0, 4.0), (1e-3, 1e-5))
+    assert wavenumber_psd(two, 2.0) == pytest.approx(1e-4, rel=1e-14)  # half-way in the logarithms
+    with pytest.raises(ValueError, match="two or more"):
+        TabulatedSpectrum("point", (1.0,), (1e-3,))
+
+
+@pytest.mark.parametrize(
+    ("wavenumbers", "values"),
+    [
+        ((0.0, 1.0, 2.0), (1e-3, 1e-4, 1e-5)),
+        ((-1.0, 1.0, 2.0), (1e-3, 1e-4, 1e-5)),
+        ((1.0, 2.0, 2.0), (1e-3, 1e-4, 1e-5)),
+        ((1.0, 3.0, 2.0), (1e-3, 1e-4, 1e-5)),
+        ((1.0, 2.0, 3.0), (1e-3, 0.0, 1e-5)),
+    ],
+    ids=["zero", "negative", "twice", "back", "no roughness"],
+)
+def test_one_bad_point_spoils_a_table(wavenumbers, values):
+    with pytest.raises(ValueError, match="must be positive, and wavenumbers increase"):
+        TabulatedSpectrum("bad", wavenumbers, values)

@@ -1,0 +1,93 @@
+"""What a result of `freqrail sweep` must hold: variables, dimensions, units and statuses that fit each other.
+
+A digest tells whether a file is what was written; this tells whether what was written is a result. A dataset
+that other hands have cut, renamed or filled and written anew has a digest that matches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from freqrail.dataset import MODELS, PIECE, pieces
+from freqrail.errors import InputError
+from freqrail.names import DIMENSIONS, JOINTS, PARAMETERS, RESPONSES
+from freqrail.points import result_case
+from freqrail.quantities import unit_factor
+
+ATTRIBUTES = ("case_name", "effective_case", "band", "source")
+
+
+def faults(dataset: xr.Dataset) -> list[str]:
+    """What keeps a dataset from being a result of a sweep, a line each; none if it is one, or a confirmation."""
+    if "verdict_solver" in dataset:  # a confirmation
+        return []
+    missing = [f"has no attribute {name}" for name in ATTRIBUTES if name not in dataset.attrs]
+    missing += [f"has no variable {p}{k}" for p in MODELS for k in ("status", "method") if f"{p}{k}" not in dataset]
+    missing += [] if any(f"{name}_rms" in dataset for name in RESPONSES) else ["has no response, such as any_rms"]
+    if missing:
+        return missing
+    try:
+        axes = tuple(axis.name for axis in result_case(dataset).axes)
+    except InputError as fault:
+        return [f"its effective_case is no case: {problem}" for problem in fault.problems]
+    return [*_coordinate_faults(dataset, axes), *_variable_faults(dataset, axes)]
+
+
+def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
+    for name in axes:
+        if name not in dataset.dims:
+            yield f"has no dimension {name}, which its case sweeps"
+        elif name not in dataset.coords:
+            yield f"has no coordinate {name}"
+        else:
+            unit = str(dataset[name].attrs.get("units", dataset[name].attrs.get("user_units", "")))
+            try:
+                right = unit_factor(unit)[1] == unit_factor(PARAMETERS[name].unit)[1]
+            except ValueError:
+                right = False
+            if not right:
+                yield f"{name} has no unit of a {PARAMETERS[name].kind} (got {unit!r})"
+    for name, (_, labels) in DIMENSIONS.items():
+        if name in dataset.coords and not set(dataset[name].values.tolist()) <= set(labels):
+            yield f"{name} has labels other than {', '.join(map(str, labels))}"
+
+
+def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
+    for prefix in MODELS:
+        own = axes if not prefix else tuple(name for name in axes if name not in JOINTS)
+        for flags in (f"{prefix}status", f"{prefix}method"):
+            if dataset[flags].dims != own or "flag_meanings" not in dataset[flags].attrs:
+                yield f"{flags} has other dimensions than {', '.join(own) or 'none'}, or no flag_meanings"
+                return
+        for name, response in RESPONSES.items():
+            place = (response.dimension,) if response.dimension else ()
+            kinds = {"_rms": response.unit, "_rms_relative_error": "1", "_psd": response.psd_unit}
+            stored = any(f"{p}{name}{kind}" in dataset for p in MODELS for kind in kinds)
+            for kind, unit in kinds.items():
+                variable = f"{prefix}{name}{kind}"
+                if variable not in dataset:
+                    if stored and (kind != "_psd" or any(f"{p}{name}_psd" in dataset for p in MODELS)):
+                        yield f"has no variable {variable}"
+                    continue
+                array = dataset[variable]
+                if array.dims != (*own, *place, *(("frequency",) if kind == "_psd" else ())):
+                    yield f"{variable} has the dimensions {', '.join(map(str, array.dims)) or 'none'}"
+                elif array.attrs.get("units") != unit:
+                    yield f"{variable} has no unit {unit} (got {array.attrs.get('units', 'none')!r})"
+                elif kind != "_psd":
+                    wrong = _without_number(array, dataset[f"{prefix}status"])
+                    if wrong:
+                        yield f"{variable} has no number at {wrong} grid points whose status is ok"
+
+
+def _without_number(array: xr.DataArray, status: xr.DataArray) -> int:
+    """How many grid points are ok by their status and yet lack a number, read in pieces."""
+    count = 0
+    for piece in pieces(array.shape, PIECE // 8):
+        ok = status[piece[: status.ndim]].values == 0
+        finite = np.isfinite(array[piece].values).reshape(*ok.shape, -1).all(axis=-1)
+        count += int(np.sum(ok & ~finite))
+    return count

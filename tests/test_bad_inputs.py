@@ -1,0 +1,605 @@
+"""Bad inputs of every kind, given to the commands as a user gives them: a row each, with its exit code and the words
+that name the fault; no traceback, one line a problem, and whatever output file was there before stays as it was.
+
+The contents of most bad case files stand in test_case; here they go through the command. In this process but where
+the operating system decides: there the command runs in a process of its own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from test_case import ACCEPTED, FAULTS, PLAIN, UNREADABLE, put
+
+import freqrail
+from freqrail import cli, figures, grid, untrusted
+from freqrail.cli import run
+
+OLD = b"an output file of another day"
+SMALL = {
+    "speed": "200, 250 km/h",
+    "primary_joint_stiffness": "1, 5 MN/m",
+    "secondary_joint_stiffness": "5 MN/m",
+}
+
+
+def over(**axes: str) -> list[str]:
+    """Options for a single point of the paper's case, but for the axes given."""
+    point = {"speed": "250 km/h", "primary_joint_stiffness": "5 MN/m", "secondary_joint_stiffness": "5 MN/m"}
+    return [part for name, axis in {**point, **axes}.items() for part in ("--over", f"{name}={axis}")]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def intact(tmp_path_factory) -> Path:
+    """A small result. Not to be changed."""
+    return freqrail.write_result(
+        freqrail.sweep("yu-damper-joint", SMALL), tmp_path_factory.mktemp("intact") / "intact.nc"
+    )
+
+
+def told(capsys) -> list[str]:
+    """What the command said on stderr, a line each."""
+    err = capsys.readouterr().err
+    assert "Traceback" not in err
+    return err.splitlines()
+
+
+def refuses(arguments: list[str], exit_code: int, words: str | list[str], capsys) -> None:
+    """One line on stderr that holds the words, nothing on stdout, and the exit code."""
+    assert run(arguments) == exit_code
+    out, err = capsys.readouterr()
+    assert out == ""
+    (line,) = err.splitlines()
+    assert line.startswith("freqrail: error: ")
+    assert all(some in line for some in ([words] if isinstance(words, str) else words))
+    assert line.isprintable()
+
+
+# --- case files, exit 2 ----------------------------------------------------------------------------
+
+# contents, and words that the message holds
+BAD_FILES: dict[str, tuple[bytes, str, str]] = {
+    **{row: (content, "study.toml: ", words) for row, (content, words) in UNREADABLE.items()},
+    **{row: (content.encode(), f"study.toml: {place}: ", words) for row, (content, place, words) in FAULTS.items()},
+    "a table 3,000 deep": ((PLAIN + "[a" + ".a" * 3000 + "]\n").encode(), "study.toml: ", "nested too deeply"),
+    "tables in tables, 3,000 of them": (
+        (PLAIN + "".join(f"[{'.'.join('a' * n)}]\n" for n in (10, 20, 40))).encode(),
+        "study.toml: [a]: ",
+        "unknown table",
+    ),
+    "a joint in millinewtons": (
+        put("vehicle", "primary_joint_stiffness", '"5 mN/m"').encode(),
+        "study.toml: [vehicle].primary_joint_stiffness: ",
+        '; "mN/m" is millinewtons: did you mean "MN/m"?',
+    ),
+    "an escape in what was given": (
+        put("vehicle", "bogie_mass", r'"\u001b[31m"').encode(),
+        "study.toml: [vehicle].bogie_mass: ",
+        r"(got '\x1b[31m')",
+    ),
+}
+
+
+@pytest.mark.parametrize("row", BAD_FILES)
+def test_a_bad_case_file_is_one_line_and_exit_2(row, here, capsys):
+    content, *words = BAD_FILES[row]
+    Path("study.toml").write_bytes(content)
+    Path("old.nc").write_bytes(OLD)
+    refuses(["sweep", "study.toml", "-o", "old.nc", "--overwrite"], 2, words, capsys)
+    assert Path("old.nc").read_bytes() == OLD
+    assert sorted(path.name for path in here.iterdir()) == ["old.nc", "study.toml"]
+
+
+@pytest.mark.parametrize("row", ACCEPTED)
+def test_an_odd_but_right_case_file_goes_on(row, here, capsys):
+    Path("study.toml").write_bytes(ACCEPTED[row].encode())
+    assert run(["sweep", "study.toml", "--dry-run", *over()]) == 0
+    assert not [line for line in told(capsys) if "error" in line]
+
+
+@pytest.mark.parametrize(
+    ("case", "words"),
+    [
+        ("none.toml", "none.toml: no such case file"),
+        (".", ".: is a folder, a case file is due"),
+        ("x" * 5000, "cannot be opened: File name too long"),
+        ("x\0y", r"x\x00y: no such case file"),
+        (os.devnull, "is not a regular file"),
+    ],
+)
+def test_what_is_no_case_file_at_all(case, words, here, capsys):
+    refuses(["sweep", case], 2, words, capsys)
+
+
+# --- case files that are warned of ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("joint", "exit_code"),
+    [("secondary_joint_stiffness", 0), ("primary_joint_stiffness", 3)],
+)
+def test_a_joint_of_5_newtons_a_metre_is_warned_of_and_computed_as_far_as_it_can_be(joint, exit_code, here, capsys):
+    """Behind such a primary joint the bogies pitch with a damping ratio of 5e-12, for 120 years: double precision
+    places no node on that peak to 1e-6, and no number is better than a wrong one. The traditional model has them all.
+    """
+    assert run([*SWEEP, *over(**{joint: "5 N/m"}), "-o", "soft.nc"]) == exit_code
+    lines = told(capsys)
+    assert lines[0].startswith(f"freqrail: warning: --over {joint}: 5 N/m is ")
+    assert "below 0.01: the damper hardly acts; check the unit" in lines[0]
+    assert len(lines) == (1 if exit_code == 0 else 2)
+    result = freqrail.open_result("soft.nc")
+    assert np.isfinite(result.bogie_acceleration_rms).all() == (exit_code == 0)
+    assert np.isfinite(result.traditional_bogie_acceleration_rms).all()
+
+
+def test_millinewtons_are_warned_of(here, capsys):
+    assert run([*SWEEP, "--set", "secondary_stiffness=412e6 mN/m", "--dry-run"]) == 0
+    (line,) = told(capsys)
+    assert line == (
+        'freqrail: warning: --set secondary_stiffness: "mN/m" is millinewtons: did you mean "MN/m"? (got "412e6 mN/m")'
+    )
+
+
+def test_control_characters_of_a_title_are_kept_in_the_file_and_escaped_on_the_terminal(here, capsys):
+    Path("study.toml").write_text(put("", "title", r'"red \u001b[31m bell \u0007"'))
+    assert run(["sweep", "study.toml", *over(), "-o", "study.nc"]) == 0
+    assert run(["show", "study.nc"]) == 0
+    out = capsys.readouterr().out
+    assert not set(out) & {"\x1b", "\x07"}
+    assert r"red \x1b[31m bell \x07" in out
+    assert freqrail.open_result("study.nc").attrs["title"] == "red \x1b[31m bell \x07"
+
+
+# --- the command line, exit 2 ----------------------------------------------------------------------
+
+SWEEP = ["sweep", "yu-damper-joint"]
+USAGE = {
+    "unknown option": ([*SWEEP, "--sped"], "No such option"),
+    "unknown command": (["swep"], "No such command 'swep'"),
+    "missing argument": (["sweep"], "Missing argument 'CASE'"),
+    "an argument too many": ([*SWEEP, "again"], "unexpected extra argument"),
+    "jobs 0": ([*SWEEP, "--jobs", "0"], "0 is not in the range x>=1"),
+    "jobs in words": ([*SWEEP, "--jobs", "two"], "'two' is not a valid integer"),
+    "nan in --set": ([*SWEEP, "--set", "bogie_mass=nan kg"], "nan is not a number"),
+    "nan in --over": ([*SWEEP, "--over", "speed=nan km/h"], "nan is not a number"),
+    "nan in --at": (["show", "intact.nc", "--at", "speed=nan km/h"], "nan is not a number"),
+    "inf in --set": ([*SWEEP, "--set", "bogie_mass=inf kg"], "inf is not allowed here"),
+    "no = in --set": ([*SWEEP, "--set", "bogie_mass"], 'NAME=VALUE, as in "speed=250 km/h" (got "bogie_mass")'),
+    "no = in --over": ([*SWEEP, "--over", "speed:100"], 'NAME=VALUE, as in "speed=250 km/h" (got "speed:100")'),
+    "no name in --over": ([*SWEEP, "--over", "=100"], "NAME=VALUE"),
+    "unknown name in --set": ([*SWEEP, "--set", "bogie_mas=1 kg"], "unknown name (did you mean bogie_mass?)"),
+    "unknown name in --over": ([*SWEEP, "--over", "sped=1 km/h"], "unknown name (did you mean speed?)"),
+    "unknown name in --at": (["show", "intact.nc", "--at", "sped=1 km/h"], "unknown name (did you mean speed?)"),
+    "off the grid in --at": (["show", "intact.nc", "--at", "speed=240 km/h"], "the nearest value is 250 km/h"),
+    "plot format": (["plot", "none.nc", "--format", "gif"], "'gif' is not one of 'png', 'svg', 'pdf'"),
+    "output without .nc": ([*SWEEP, "-o", "out"], 'the name of a NetCDF file ends in ".nc"; did you mean out.nc?'),
+    "output of another kind": ([*SWEEP, "-o", "out.png"], "did you mean out.png.nc?"),
+    "output a folder": ([*SWEEP, "-o", "."], "is a folder; name a file in it"),
+    "output exists": ([*SWEEP, "-o", "old.nc"], "old.nc: exists already; --overwrite replaces it"),
+    "output is the input": (["sweep", "case.nc", "-o", "case.nc", "--overwrite"], "is the input itself"),
+    "output links to the input": (["sweep", "case.nc", "-o", "link.nc", "--overwrite"], "is the input itself"),
+    "output is the input by another way": (["sweep", "case.nc", "-o", "./case.nc", "--overwrite"], "is the input"),
+    "output is a hard link of the input": (["sweep", "case.nc", "-o", "hard.nc", "--overwrite"], "is the input itself"),
+    "an axis above 1e7": ([*SWEEP, "--over", "speed=lin:1:600:10000001 km/h"], "10000001 values exceeds the limit"),
+    "a grid above the memory or the disk": (
+        [*SWEEP, "--psd", *over(speed="lin:1:600:5000 km/h", primary_joint_stiffness="lin:1:9:5000 MN/m")],
+        "the grid is too large for this disk",
+    ),
+    "--set of a swept name": ([*SWEEP, "--set", "speed=9 km/h"], 'give it one value with --over "speed=9 km/h"'),
+    "--set twice": ([*SWEEP, "--set", "bogie_mass=1 t", "--set", "bogie_mass=2 t"], "given twice; give it once"),
+    "--over twice": ([*SWEEP, "--over", "speed=1 km/h", "--over", "speed=2 km/h"], "given twice; give it once"),
+    "two points": (["show", "intact.nc", *["--at", "speed=250 km/h"] * 2], "given 2 times; this command takes one"),
+    "an axis of spectra without --psd": ([*SWEEP, "--over", "frequency=1, 2 Hz"], "add --psd"),
+    "unknown response": ([*SWEEP, "--responses", "bogie_accel"], "did you mean bogie_acceleration?"),
+    "unknown case": (["sweep", "yu-damper-join"], "did you mean yu-damper-joint?"),
+    "unknown case to print": (["cases", "yu"], "no shipped case of that name"),
+    "--at of a case": (["show", "yu-damper-joint", "--at", "speed=250 km/h"], "goes with a result"),
+    "--set of a result": (["show", "intact.nc", "--set", "bogie_mass=1 t"], "goes with a case"),
+    "--check of a case": (["show", "yu-damper-joint", "--check"], "goes with a result, not with a case"),
+}
+
+
+@pytest.mark.parametrize("row", USAGE)
+def test_bad_usage_is_one_line_and_exit_2(row, here, intact, capsys, monkeypatch):
+    def computes(*_: object) -> None:
+        raise AssertionError("computing began before the fault was found")
+
+    monkeypatch.setattr(grid, "solve", computes)
+    monkeypatch.setattr(figures, "plot", computes)
+    shutil.copy(intact, "intact.nc")
+    Path("old.nc").write_bytes(OLD)
+    Path("case.nc").write_text(PLAIN)
+    Path("link.nc").symlink_to("case.nc")
+    os.link("case.nc", "hard.nc")
+    before = {path.name: path.read_bytes() for path in here.iterdir()}
+    arguments, words = USAGE[row]
+    refuses(arguments, 2, words, capsys)
+    assert {path.name: path.read_bytes() for path in here.iterdir()} == before
+
+
+def test_a_value_left_out_that_is_off_the_grid_is_named_with_the_value_to_give(here, capsys):
+    assert run([*SWEEP, *over(speed="100, 240 km/h"), "-o", "off.nc"]) == 0
+    capsys.readouterr()
+    words = (
+        'case\'s own value "250 km/h" is off the grid; the nearest value is 240 km/h: name it, as in "speed=240 km/h"'
+    )
+    refuses(["show", "off.nc", "--at", "primary_joint_stiffness=5 MN/m"], 2, words, capsys)
+
+
+# --- input and output, exit 4 ----------------------------------------------------------------------
+
+
+def without_override() -> None:
+    """In a child: root obeys the mode bits of files as everyone does."""
+    for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+        ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
+
+
+def process(*arguments: str, stdout: int = subprocess.PIPE, **options: object) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-m", "freqrail", *arguments],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=120,
+        **options,
+    )
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def fails(done: subprocess.CompletedProcess[str], exit_code: int, words: str) -> None:
+    assert done.returncode == exit_code
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("freqrail: error: ")
+    assert words in line
+
+
+linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="drops a capability of Linux")
+
+
+@linux
+def test_an_unreadable_case_file_and_result(here, intact):
+    Path("secret.toml").write_text(PLAIN)
+    shutil.copy(intact, "secret.nc")
+    for name, command in (("secret.toml", "sweep"), ("secret.nc", "plot")):
+        Path(name).chmod(0)
+        fails(process(command, name, preexec_fn=without_override), 2, f"{name}: cannot be read: Permission denied")
+
+
+@linux
+def test_a_read_only_output_folder_is_found_before_computing(here):
+    Path("locked").mkdir()
+    Path("locked/old.nc").write_bytes(OLD)
+    Path("locked").chmod(0o555)
+    done = process(*SWEEP, "-o", "locked/old.nc", "--overwrite", preexec_fn=without_override)
+    fails(done, 4, "locked: this folder cannot be written")
+    assert [path.read_bytes() for path in Path("locked").iterdir()] == [OLD]
+
+
+@pytest.mark.parametrize("folder", ["none/deeper", "file"])
+def test_a_missing_output_folder_is_found_before_computing(folder, here, capsys, monkeypatch):
+    monkeypatch.delattr(grid, "solve")
+    Path("file").touch()
+    refuses([*SWEEP, "-o", f"{folder}/out.nc"], 4, f"{folder}: ", capsys)
+    assert [path.name for path in here.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("kilobytes", "words"),
+    [
+        (4, ".old.nc.journal: the journal cannot be written: "),
+        (40, "old.nc: cannot be written: NetCDF: HDF error (is a quota, or a limit on the size of files, reached?)"),
+    ],
+    ids=["in the journal", "in the file"],
+)
+def test_a_full_disk_is_told_and_leaves_the_old_file(kilobytes, words, here):
+    """A limit on the size of files stands for the disk."""
+    Path("old.nc").write_bytes(OLD)
+    options = " ".join(f"'{part}'" for part in over())
+    command = f"ulimit -f {kilobytes}; exec '{sys.executable}' -m freqrail sweep yu-damper-joint {options} -o old.nc"
+    done = subprocess.run(["bash", "-c", f"{command} --overwrite"], capture_output=True, text=True, timeout=120)
+    fails(done, 4, words)
+    assert Path("old.nc").read_bytes() == OLD
+    assert {path.name for path in here.iterdir()} <= {"old.nc", ".old.nc.journal"}
+
+
+def test_a_full_disk_is_called_by_its_name(here, capsys, monkeypatch):
+    """The library says no more than that something went wrong; what is left of the disk says what."""
+    Path("old.nc").write_bytes(OLD)
+
+    def full(*_: object, **__: object) -> None:
+        usage = shutil.disk_usage(here)
+        monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=0))
+        raise RuntimeError("NetCDF: HDF error")
+
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", full)
+    refuses([*SWEEP, *over(), "-o", "old.nc", "--overwrite"], 4, "cannot be written: no space left on", capsys)
+    assert Path("old.nc").read_bytes() == OLD
+    assert {path.name for path in here.iterdir()} <= {"old.nc", ".old.nc.journal"}
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_a_full_stdout(here):
+    with open("/dev/full", "w") as full:
+        fails(process(*SWEEP, *over(), "-o", "out.nc", stdout=full.fileno()), 4, "No space left on device")
+    assert freqrail.open_result("out.nc").sizes["speed"] == 1
+
+
+def test_a_closed_pipe_is_quiet(here):
+    read, write = os.pipe()
+    os.close(read)
+    done = process("modes", "yu-damper-joint", stdout=write)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (4, "")
+
+
+# --- NetCDF files, exit 2 --------------------------------------------------------------------------
+
+
+def rewritten(change: Callable[[xr.Dataset], xr.Dataset]) -> Callable[[Path], None]:
+    """A result changed in memory and written anew, so that its digest matches."""
+
+    def make(path: Path) -> None:
+        freqrail.write_result(change(freqrail.open_result(path)), path, overwrite=True)
+
+    return make
+
+
+def edited(change: Callable[[netCDF4.Dataset], object]) -> Callable[[Path], None]:
+    """A result changed in place by another program, so that its digest does not match."""
+
+    def make(path: Path) -> None:
+        with netCDF4.Dataset(path, "a") as file:
+            change(file)
+
+    return make
+
+
+def cut(share: float) -> Callable[[Path], None]:
+    return lambda path: path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+
+
+def written(data: bytes) -> Callable[[Path], object]:
+    return lambda path: path.write_bytes(data)
+
+
+def foreign(path: Path) -> None:
+    path.unlink()
+    xr.Dataset({"temperature": ("time", [1.0, 2.0])}).to_netcdf(path)
+
+
+def huge(path: Path) -> None:
+    """Four kilobytes that declare eight terabytes."""
+    with netCDF4.Dataset(path, "w") as file:
+        file.createDimension("speed", 10**12)
+        file.createVariable("status", "f8", ("speed",), chunksizes=(1000,))
+        file.setncatts({"dataset_schema_version": 1, "content_digest": "0" * 64})
+
+
+def stripped(variable: str, attribute: str) -> Callable[[xr.Dataset], xr.Dataset]:
+    def change(dataset: xr.Dataset) -> xr.Dataset:
+        copy = dataset.copy(deep=True)
+        del copy[variable].attrs[attribute]
+        return copy
+
+    return change
+
+
+def all_nan(dataset: xr.Dataset) -> xr.Dataset:
+    return dataset.assign({name: dataset[name] * np.nan for name in dataset if name.endswith("_rms")})
+
+
+RMS = "bogie_acceleration_rms"
+NETCDF: dict[str, tuple[Callable[[Path], object], str]] = {
+    "missing": (Path.unlink, "no such file"),
+    "0 bytes": (written(b""), "is not a NetCDF file (it is empty)"),
+    "only the signature": (cut(8 / 1e5), "damaged, cannot be read as NetCDF"),
+    **{f"truncated to {share:.0%}": (cut(share), "damaged, cannot be read") for share in (0.01, 0.3, 0.7, 0.99)},
+    "text": (written(b"speed,rms\n1,2\n"), "is not a NetCDF file"),
+    "PNG": (written(b"\x89PNG\r\n\x1a\n" + bytes(100)), "is not a NetCDF file"),
+    "signature and zeros": (written(b"\x89HDF\r\n\x1a\n" + bytes(10_000)), "damaged, cannot be read as NetCDF"),
+    "foreign": (foreign, "is not a result of freqrail (no dataset_schema_version)"),
+    "newer schema": (rewritten(lambda d: d.assign_attrs(dataset_schema_version=99)), "has schema 99, this freqrail"),
+    "schema no number": (
+        rewritten(lambda d: d.assign_attrs(dataset_schema_version="new")),
+        'has no schema number (got "new")',
+    ),
+    "digest mismatch, data": (edited(lambda f: f[RMS].__setitem__((0, 0, 0, 0), 1.0)), "does not match its digest"),
+    "digest mismatch, name": (edited(lambda f: f.renameVariable(RMS, "x")), "does not match its digest"),
+    "digest mismatch, text": (edited(lambda f: f.setncattr("title", "x")), "does not match its digest"),
+    "no digest": (edited(lambda f: f.delncattr("content_digest")), "is not a result of freqrail"),
+    "no variable": (rewritten(lambda d: d.drop_vars(RMS)), f"has no variable {RMS}"),
+    "no twin": (rewritten(lambda d: d.drop_vars(f"traditional_{RMS}")), f"has no variable traditional_{RMS}"),
+    "no status": (rewritten(lambda d: d.drop_vars("status")), "has no variable status"),
+    "no response": (
+        rewritten(lambda d: d[["status", "method", "traditional_status", "traditional_method"]]),
+        "has no response",
+    ),
+    "no dimension": (rewritten(lambda d: d.isel(speed=0)), "has no dimension speed, which its case sweeps"),
+    "no coordinate": (rewritten(lambda d: d.drop_vars("speed")), "has no coordinate speed"),
+    "other order": (
+        rewritten(lambda d: d.assign({RMS: d[RMS].transpose("bogie", ...)})),
+        f"{RMS} has the dimensions bogie, primary_joint_stiffness",
+    ),
+    "other labels": (rewritten(lambda d: d.assign_coords(bogie=["left", "right"])), "labels other than front, rear"),
+    "no unit": (rewritten(stripped(RMS, "units")), f"{RMS} has no unit m s-2"),
+    "no unit of an axis": (rewritten(stripped("speed", "units")), "speed has no unit of a speed"),
+    "no flags": (rewritten(stripped("status", "flag_meanings")), "or no flag_meanings"),
+    "no case": (rewritten(lambda d: d.drop_attrs().assign_attrs(dataset_schema_version=1)), "has no attribute"),
+    "a broken case": (rewritten(lambda d: d.assign_attrs(effective_case="x")), "its effective_case is no case"),
+    "all NaN": (rewritten(all_nan), f"{RMS} has no number at 4 grid points whose status is ok"),
+    "huge dimension": (huge, "declares 8e+12 bytes of data, far more than the file holds"),
+}
+
+
+@pytest.mark.parametrize("row", NETCDF)
+def test_a_bad_netcdf_file_is_refused_by_name(row, here, intact, capsys):
+    path = here / "bad.nc"
+    shutil.copy(intact, path)
+    make, words = NETCDF[row]
+    make(path)
+    before = path.read_bytes() if path.exists() else None
+    for command in ("show", "plot"):
+        assert run([command, "bad.nc"]) == 2
+        lines = told(capsys)
+        assert lines
+        assert any(words in line for line in lines)
+        assert all(line.startswith("freqrail: error: bad.nc: ") for line in lines)
+    assert [p.name for p in here.iterdir()] == ([] if before is None else ["bad.nc"])
+    assert (path.read_bytes() if path.exists() else None) == before
+
+
+@pytest.mark.parametrize(
+    "url", ["http://localhost/x.nc", "https://example.org/x.nc", "s3://bucket/x.nc", "file:///x.nc"]
+)
+def test_a_url_is_not_fetched(url, here, capsys):
+    for command in (["show", url], ["plot", url], ["show", url, "--check"]):
+        refuses(command, 2, "only local files are read", capsys)
+
+
+def test_a_result_without_a_single_number_is_shown_but_not_plotted(here, capsys):
+    """As sweep writes it: NaN with a status."""
+    undamped = ["--set", "primary_damping=0 N*s/m", *over(speed="200, 250 km/h")]
+    assert run([*SWEEP, *undamped, "-o", "nan.nc"]) == 3
+    capsys.readouterr()
+    assert run(["show", "nan.nc"]) == 0
+    assert "2 of 2 grid points have no result (2 undamped)" in capsys.readouterr().out
+    refuses(["plot", "nan.nc"], 2, "plot: no grid point has a result", capsys)
+
+
+# --- untrusted files -------------------------------------------------------------------------------
+
+
+def test_check_reads_in_a_child_and_says_what_the_child_found(here, intact, capsys):
+    shutil.copy(intact, "result.nc")
+    assert run(["show", "result.nc", "--check"]) == 0
+    assert "result.nc: whole; content digest" in capsys.readouterr().out
+    huge(here / "huge.nc")
+    refuses(["show", "huge.nc", "--check"], 2, "huge.nc: declares 8e+12 bytes of data", capsys)
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        ("import time; time.sleep(60)", "damaged: reading it did not end within 1 s"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "damaged: it crashes the NetCDF library (SIGSEGV)"),
+        ("raise MemoryError", "damaged: reading it ended without an answer (exit 1)"),
+    ],
+    ids=["hangs", "crashes", "dies"],
+)
+def test_a_file_that_does_it_to_the_library_does_not_do_it_to_the_command(program, words, here, capsys, monkeypatch):
+    Path("evil.nc").write_bytes(OLD)
+    monkeypatch.setattr(untrusted, "COMMAND", program)
+    monkeypatch.setattr(untrusted, "SECONDS", 1.0)
+    refuses(["show", "evil.nc", "--check"], 2, f"evil.nc: {words}", capsys)
+
+
+def test_the_child_has_a_limit_on_its_memory(here, capsys, monkeypatch):
+    """So that a file which makes the library ask for everything takes nothing from the others on the machine."""
+    program = (
+        "import freqrail.storage\n"
+        "def open_result(path): return bytearray(10**10)\n"
+        "freqrail.storage.open_result = open_result\n"
+        "from freqrail.untrusted import child; child()"
+    )
+    monkeypatch.setattr(untrusted, "COMMAND", program)
+    Path("large.nc").write_bytes(OLD)
+    refuses(["show", "large.nc", "--check"], 2, "damaged: reading it ended without an answer", capsys)
+
+
+# --- numbers that cannot be had, exit 3 -------------------------------------------------------------
+
+NUMERICAL = {
+    "an undamped mode": ({}, ["--set", "primary_damping=0 N*s/m"], "undamped"),
+    "a resonance too narrow": ({"primary_joint_stiffness": "5 N/m"}, [], "unresolved_peak"),
+    "numbers that overflow": ({}, ["--set", "wheelset_mass=1e-300 kg", "--set", "band=none"], "failed"),
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("row", NUMERICAL)
+def test_what_cannot_be_computed_is_counted_and_its_first_point_named(row, here, capsys):
+    axes, settings, status = NUMERICAL[row]
+    assert run([*SWEEP, *over(**{"speed": "200, 250 km/h", **axes}), *settings, "-o", "nan.nc"]) == 3
+    errors = [line for line in told(capsys) if line.startswith("freqrail: error: ")]
+    assert errors[0].startswith("freqrail: error: nan.nc: model with damper joints: 2 of 2 grid points have no result")
+    assert f"(2 {status}); the first at " in errors[0]
+    assert "speed=200 km/h" in errors[0]
+    result = freqrail.open_result("nan.nc")
+    meanings = result.status.attrs["flag_meanings"].split()
+    assert {meanings[int(k)] for k in result.status.values.ravel()} == {status}
+    assert np.isnan(result[RMS]).all()
+
+
+def test_no_case_file_makes_an_unstable_model(here, capsys):
+    """What could, a negative stiffness or damping, is refused; a passive model has no pole to the right."""
+    for name in ("primary_damping", "secondary_damping", "primary_stiffness", "secondary_stiffness"):
+        unit = "N*s/m" if name.endswith("damping") else "N/m"
+        refuses([*SWEEP, "--set", f"{name}=-1 {unit}"], 2, f"--set {name}: must be ", capsys)
+
+
+# --- what a program reads ---------------------------------------------------------------------------
+
+
+def keys(value: object) -> Iterator[str]:
+    if isinstance(value, dict):
+        yield from value
+    for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from keys(item)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["show", "yu-damper-joint"],
+        ["show", "intact.nc"],
+        ["show", "intact.nc", "--at", "speed=250 km/h"],
+        ["modes", "yu-damper-joint"],
+        [*SWEEP, "--dry-run"],
+    ],
+    ids=" ".join,
+)
+def test_keys_of_json_are_plain_identifiers(arguments, here, intact, capsys):
+    shutil.copy(intact, "intact.nc")
+    assert run([*arguments, "--json"]) == 0
+    found = set(keys(json.loads(capsys.readouterr().out)))
+    assert len(found) > 4
+    assert [key for key in found if not key.isidentifier()] == []
+
+
+def test_plots_say_on_a_terminal_how_far_they_are(here, intact, capsys, monkeypatch):
+    steps: list[int] = []
+    asked: list[tuple[str, int]] = []
+
+    @contextlib.contextmanager
+    def progress(label: str, total: int):
+        asked.append((label, total))
+        yield steps.append
+
+    monkeypatch.setattr(cli, "_progress", progress)
+    shutil.copy(intact, "intact.nc")
+    assert run(["plot", "intact.nc"]) == 0
+    paths = capsys.readouterr().out.splitlines()
+    assert asked == [("figures", len(paths))]
+    assert sum(steps) == len(paths) > 1
