@@ -463,7 +463,9 @@ def _track_poles(
             for sign in (1, -1):
                 track, ratios, _ = descend(vehicle.column(), chain, sign * q, q * q)
                 elements[chain, sign] = {name: ratio / track for name, ratio in ratios.items()}
-        yield _TrackPole(q, residue * np.exp(-cutoff * distances) @ LAG_SUMS.T, elements)
+        # a sum, not a matrix product, whose bits would depend on the number of vehicles
+        weight = np.sum(residue * np.exp(-cutoff * distances)[..., None, :] * LAG_SUMS, axis=-1)
+        yield _TrackPole(q, weight, elements)
 
 
 def _singular(chains: dict[str, Modal], spectrum: RationalSpectrum, speed: NDArray[np.float64]) -> NDArray[np.bool_]:
