@@ -6,7 +6,8 @@
 ('secondary_joint_stiffness',)
 
 The flow of a study is the order of the modules: case -> vehicle, track -> response -> rms -> grid ->
-dataset -> storage -> figures; `cli` puts commands on top.
+dataset -> storage -> figures; `cli` puts commands on top. Beside it stands the time domain, which shares only the
+model: realisation -> integrators -> timedomain -> confirmation.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ _PUBLIC = {
     "load_case": "case",
     "shipped_cases": "casefile",
     "sweep": "dataset",
+    "confirm": "confirmation",
     "open_result": "storage",
     "write_result": "storage",
     "modes": "modal",
@@ -34,6 +36,7 @@ __all__ = [
     "FreqrailError",
     "FreqrailWarning",
     "__version__",
+    "confirm",
     "load_case",
     "modes",
     "open_result",
@@ -46,6 +49,7 @@ __all__ = [
 if TYPE_CHECKING:
     from freqrail.case import load_case
     from freqrail.casefile import shipped_cases
+    from freqrail.confirmation import confirm
     from freqrail.dataset import sweep
     from freqrail.errors import FreqrailError, FreqrailWarning
     from freqrail.figures import plot

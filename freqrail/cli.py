@@ -166,6 +166,81 @@ def sweep(
 
 @cli.command()
 @_RESULT
+@_AT
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@click.option("--realisations", type=int, default=8, show_default=True, help="Gaussian records a point.")
+@click.option("--duration", default="60 s", show_default=True, help="Length of a record.")
+@click.option(
+    "--integrator",
+    type=click.Choice(("rk45", "exponential", "newmark", "radau")),
+    default="rk45",
+    show_default=True,
+    help="exponential is exact and does not care about stiffness; newmark is for the traditional model.",
+)
+@click.option(
+    "--start",
+    type=click.Choice(("rest", "steady")),
+    default="rest",
+    show_default=True,
+    help="From rest, the transient discarded; or in the steady state.",
+)
+@click.option("--band", help='Band to confirm over: "0.1:100 Hz"; the result\'s own unless given.')
+@click.option("--max-time", default="10 min", show_default=True, help="Refuse a run that would take longer.")
+@click.option("-o", "--output", metavar="OUT.nc", help="Where to write; RESULT-confirmation.nc unless given.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes, a point each.")
+@_JSON
+def confirm(
+    result: str,
+    at: Sequence[str],
+    seed: int,
+    realisations: int,
+    duration: str,
+    integrator: str,
+    start: str,
+    band: str | None,
+    max_time: str,
+    output: str | None,
+    overwrite: bool,
+    jobs: int,
+    as_json: bool,
+) -> None:
+    """Simulate grid points of a result in time and say whether its numbers stand."""
+    from freqrail.confirmation import carry_out, check_cost, plan_run
+    from freqrail.evidence import problems
+    from freqrail.storage import check_target, write_result
+    from freqrail.summary import confirmation_text, number
+
+    run = plan_run(result, at or None, seed, realisations, duration, integrator, start, band)
+    target = Path(output or Path(result).with_name(f"{Path(result).stem}-confirmation.nc"))
+    check_target(target, overwrite, (result,), run.stored_bytes)
+    needed = check_cost(run, max_time, jobs)
+    click.echo(
+        f"freqrail: {_count(len(run.points), 'point')}, {number(run.simulated_seconds, 3)} simulated seconds with "
+        f"{integrator}, about {number(needed, 2)} s",
+        err=True,
+    )
+    begin = time.perf_counter()
+    with _progress("simulated seconds", math.ceil(run.simulated_seconds)) as advance:
+        found = carry_out(run, jobs, advance)
+    elapsed = time.perf_counter() - begin
+    write_result(found, target, overwrite)
+    faults = problems(found)
+    facts, lines = confirmation_text(found)
+    facts |= {"output": str(target), "seconds": elapsed, "problems": faults}
+    _report(
+        facts,
+        as_json,
+        *lines,
+        f"written: {target} ({_size(target.stat().st_size)}, simulated in {number(elapsed, 2)} s)",
+        f"next: {_program()} plot {shlex.quote(str(target))}",
+    )
+    if faults:
+        raise NumericalError(*(f"{target}: {line}" for line in faults))
+
+
+@cli.command()
+@_RESULT
 @click.option("-o", "--output", metavar="FOLDER", help="Folder of the pictures; RESULT-figures unless given.")
 @click.option(
     "--format",
@@ -177,7 +252,7 @@ def sweep(
 )
 @_AT
 def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
-    """Draw a result: RMS against speed and stiffness, maps, and spectra where they are stored."""
+    """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
     from freqrail import figures
     from freqrail.storage import open_result
 
@@ -227,6 +302,7 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
     from freqrail import summary
     from freqrail.dataset import first_failures
+    from freqrail.evidence import is_confirmation
     from freqrail.storage import open_result
 
     point = _one_point(at)
@@ -234,6 +310,10 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
     if check:
         facts = {"file": what, "digest": dataset.attrs["content_digest"], "failures": first_failures(dataset)}
         _report(facts, as_json, f"{what}: whole; content digest {dataset.attrs['content_digest'][:16]}... matches")
+        return
+    if is_confirmation(dataset):
+        facts, lines = summary.confirmation_text(dataset, point)
+        _report(facts, as_json, *lines)
         return
     if point is not None:
         where, records = summary.result_point(dataset, point)

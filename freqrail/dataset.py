@@ -209,7 +209,7 @@ def band_text(band: Band | None) -> str:
 def _label(
     plan: Plan, solutions: Mapping[str, grid.Solution], spectra: Mapping[str, Mapping[str, NDArray]]
 ) -> xr.Dataset:
-    coordinates: dict[str, Any] = {axis.name: _coordinate(axis) for axis in plan.case.axes}
+    coordinates: dict[str, Any] = {axis.name: coordinate(axis) for axis in plan.case.axes}
     variables: dict[str, Any] = {}
     used = {RESPONSES[name].dimension for name in plan.names}
     for dimension, (long_name, labels) in DIMENSIONS.items():
@@ -217,7 +217,7 @@ def _label(
             values = np.array(labels, dtype=np.int32 if isinstance(labels[0], int) else None)
             coordinates[dimension] = (dimension, values, {"long_name": long_name})
     if plan.frequency is not None:
-        coordinates["frequency"] = _coordinate(plan.frequency)
+        coordinates["frequency"] = coordinate(plan.frequency)
     for prefix, solution in solutions.items():
         case = plan.case if not prefix else _without_joints(plan.case)
         dims = tuple(axis.name for axis in case.axes)
@@ -250,22 +250,23 @@ def _label(
                         "long_name": f"one-sided PSD of the {response.long_name}, {MODELS[prefix]}",
                     },
                 )
-        for flags, meanings, what in (
+        for name, meanings, what in (
             ("status", grid.STATUS, "outcome of the computation"),
             ("method", grid.METHOD, "method of the computation"),
         ):
-            values = _arrange(getattr(solution, flags)[None], case, None)
-            variables[f"{prefix}{flags}"] = (dims, values, _flags(meanings, f"{what}, {MODELS[prefix]}"))
+            values = _arrange(getattr(solution, name)[None], case, None)
+            variables[f"{prefix}{name}"] = (dims, values, flags(meanings, f"{what}, {MODELS[prefix]}"))
     ordered = sorted(variables, key=lambda key: (key.startswith("traditional_"), "_rms" not in key))
-    return xr.Dataset({key: variables[key] for key in ordered}, coordinates, _attributes(plan.case))
+    return xr.Dataset({key: variables[key] for key in ordered}, coordinates, attributes(plan.case, "sweep"))
 
 
-def _coordinate(axis: Axis) -> tuple[str, NDArray, dict[str, str]]:
+def coordinate(axis: Axis) -> tuple[str, NDArray, dict[str, str]]:
+    """A swept parameter as a coordinate: dimension, values, attributes with its unit."""
     parameter = PARAMETERS[axis.name]
-    attributes = {"long_name": parameter.meaning}
+    described = {"long_name": parameter.meaning}
     plain = all(_UDUNITS.fullmatch(part) for part in re.split(r"[*/ ]", axis.unit))
-    attributes["units" if plain else "user_units"] = axis.unit
-    return axis.name, axis.values, attributes
+    described["units" if plain else "user_units"] = axis.unit
+    return axis.name, axis.values, described
 
 
 def _arrange(values: NDArray, case: Case, response: Response | None) -> NDArray:
@@ -281,7 +282,8 @@ def _arrange(values: NDArray, case: Case, response: Response | None) -> NDArray:
     return np.array(np.moveaxis(values, 0, len(swept)))
 
 
-def _flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:
+def flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:
+    """CF attributes of an int8 variable whose values 0, 1, ... have a meaning."""
     return {
         "long_name": long_name,
         "flag_values": np.arange(len(meanings), dtype=np.int8),
@@ -289,7 +291,8 @@ def _flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:
     }
 
 
-def _attributes(case: Case) -> dict[str, Any]:
+def attributes(case: Case, command: str) -> dict[str, Any]:
+    """Attributes of a whole dataset that `command` makes from a case: CF's, the case itself, versions."""
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     versions = {
         "freqrail": __version__,
@@ -297,10 +300,10 @@ def _attributes(case: Case) -> dict[str, Any]:
         "numpy": np.__version__,
         "xarray": xr.__version__,
     }
-    attributes = {
+    described = {
         "Conventions": "CF-1.11",
         "title": case.title,
-        "history": f"{now} freqrail {__version__}: sweep of {case.name}",
+        "history": f"{now} freqrail {__version__}: {command} of {case.name}",
         "source": f"freqrail {__version__}, frequency response of the half vehicle",
         "references": case.reference,
         "dataset_schema_version": SCHEMA_VERSION,
@@ -311,7 +314,7 @@ def _attributes(case: Case) -> dict[str, Any]:
         "band": band_text(case.band),
         "versions": json.dumps(versions),
     }
-    return {key: value for key, value in attributes.items() if value != ""}
+    return {key: value for key, value in described.items() if value != ""}
 
 
 def content_digest(dataset: xr.Dataset) -> str:

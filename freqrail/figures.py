@@ -26,11 +26,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
+from freqrail import confirmation_figures
 from freqrail.case import Case
 from freqrail.dataset import MODELS
 from freqrail.errors import FileError, InputError
+from freqrail.evidence import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
-from freqrail.points import Point, axis_label, locate, result_case, swept
+from freqrail.points import Point, axis_label, confirmed_point, locate, result_case, swept
 
 FORMATS = ("png", "svg", "pdf")
 
@@ -72,22 +74,26 @@ def plot(
 ) -> list[Path]:
     """Draw every figure that a sweep's result allows into `folder`; returns the files' paths.
 
-    dataset: a result of `sweep`. folder: made if it is missing, but not its parents. format: "png"
+    dataset: a result of `sweep` or `confirm`. folder: made if it is missing, but not its parents. format: "png"
     (200 dpi), "svg" or "pdf". at: the point (see `points.parse_point`) at which a figure holds the
     parameters that it does not draw; a name left out takes the case's scalar, or the grid's nearest value.
 
     Figures are `rms-against-speed`, or one `rms-against-speed-AXIS` a further axis; `rms-against-AXIS`
     and `map-speed-AXIS` for each of these; and `psd` where spectra are stored (see `hint`). An axis of one
-    value gets none. Files of the same name are replaced. SVG and PDF are the same bytes from run to run.
+    value gets none. Of a confirmation they are those of `confirmation_figures`. Files of the same name are
+    replaced. SVG and PDF are the same bytes from run to run.
 
     Raises InputError for an unknown format, a point off the grid, a dataset that is no sweep or that has
     nothing to draw; FileError if the folder or a file cannot be written.
     """
     if format not in FORMATS:
         raise InputError(f"--format: must be one of {', '.join(FORMATS)} (got {format!r})")
-    if "status" not in dataset:
+    if is_confirmation(dataset):
+        drawings = confirmation_figures.drawings(dataset, confirmed_point(dataset, at) if at else None)
+    elif "status" in dataset:
+        drawings = _drawings(dataset, locate(dataset, at, nearest=True))
+    else:
         raise InputError("plot: this dataset is no result of `freqrail sweep` (it has no variable status)")
-    drawings = _drawings(dataset, locate(dataset, at, nearest=True))
     if not drawings:
         raise InputError(
             "plot: nothing to draw: at least two speeds, two values of another swept parameter, or stored spectra "
@@ -102,7 +108,7 @@ def plot(
 
 def hint(dataset: xr.Dataset) -> str | None:
     """What to type to have spectra that `plot` can draw; None if the dataset stores them."""
-    if _stored(dataset, "_psd"):
+    if _stored(dataset, "_psd") or is_confirmation(dataset):
         return None
     name = str(dataset.attrs["case_name"])
     command = f"freqrail sweep {shlex.quote(name)} --psd -o {shlex.quote(f'{name}-psd.nc')}"

@@ -12,7 +12,7 @@ import xarray as xr
 from freqrail.case import Case, build_case, place_point
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import Axis, Quantity, parse_quantity, unit_factor
+from freqrail.quantities import Axis, Quantity, is_same, parse_quantity, unit_factor
 
 Point = Mapping[str, Quantity]
 
@@ -75,15 +75,35 @@ def _unit(dataset: xr.Dataset, name: str) -> str:
     return str(attributes.get("units", attributes.get("user_units")))
 
 
-def locate(dataset: xr.Dataset, point: Point | None = None, nearest: bool = False) -> dict[str, int]:
+def locate(
+    dataset: xr.Dataset, point: Point | None = None, nearest: bool = False, origin: str = "--at"
+) -> dict[str, int]:
     """Index along every swept parameter of the grid point that `point` names.
 
     A swept name that the point leaves out takes the case's scalar; if that is not on the grid, its
     nearest value where `nearest` is set, else it is an error. Raises InputError, with the nearest grid
-    value, for a value off the grid and for a named quantity that is neither swept nor the case's own.
+    value, for a value off the grid and for a named quantity that is neither swept nor the case's own;
+    `origin` is what its messages call the point.
     """
     axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
     indices, faults = place_point(point or {}, axes, result_case(dataset).scalars, nearest)
     if faults:
-        raise InputError(*(f"--at {name}: {fault}" for name, fault in faults.items()))
+        raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items()))
     return indices
+
+
+def confirmed_point(dataset: xr.Dataset, point: Point) -> int:
+    """Place of a point among those of a confirmation. Raises InputError if it names none or several of them."""
+    keep = np.ones(dataset.sizes["point"], dtype=bool)
+    for name, quantity in point.items():
+        own = result_case(dataset).scalars.get(name)
+        if name in dataset.coords:
+            values = dataset[name].values * float(unit_factor(_unit(dataset, name))[0])
+            keep &= [is_same(value, quantity.value) for value in values]
+        elif own is None or not is_same(own.value, quantity.value):
+            keep[:] = False
+    found = np.flatnonzero(keep)
+    if found.size != 1:
+        known = "; ".join(map(str, dataset["place"].values))
+        raise InputError(f"--at: names {found.size or 'none'} of the confirmed points, one is due (known: {known})")
+    return int(found[0])

@@ -14,9 +14,11 @@ import xarray as xr
 
 from freqrail.case import Case
 from freqrail.dataset import MODELS, band_text, first_failures
+from freqrail.evidence import band_note, problems
+from freqrail.evidence import records as confirmation_records
 from freqrail.modal import modes
 from freqrail.names import PARAMETERS, RESPONSES
-from freqrail.points import Point, axis_label, locate, swept
+from freqrail.points import Point, axis_label, confirmed_point, locate, swept
 from freqrail.quantities import shown_value
 from freqrail.track import band_limits, standard_deviation
 from freqrail.vehicle import static_wheel_load
@@ -245,3 +247,26 @@ def case_head(case: Case) -> str:
     """Title, track, band and speed of a case as lines of text."""
     track = f"track {case.spectrum.name}, band {band_text(case.band)}, {shown_value('speed', case.speed)}"
     return "\n".join(printable(line) for line in (case.title or case.name, track))
+
+
+def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[Record, list[str]]:
+    """A confirmation as facts to print as JSON and as lines of text: conditions, a table a point, and what fails.
+
+    point: the only one to tell of. Raises InputError if it is not among those confirmed.
+    """
+    attributes = dataset.attrs
+    chosen = range(dataset.sizes["point"]) if point is None else [confirmed_point(dataset, point)]
+    tables = {str(dataset["place"].values[i]): confirmation_records(dataset, i) for i in chosen}
+    faults = problems(dataset)
+    head = [
+        str(attributes.get("title", attributes["case_name"])),
+        f"{band_note(dataset)}; {attributes['realisations']} Gaussian records of {attributes['duration_s']:g} s, "
+        f"seed {attributes['seed']}, {attributes['integrator']}",
+    ]
+    lines = [printable(line) for line in head]
+    for where, numbers in tables.items():
+        lines += ["", printable(where), table(numbers)]
+    checks = 2 * dataset["solver_error"].size
+    words = "all stand" if not faults else "NOT all stand"
+    lines += ["", f"{checks} checks: {words}; largest solver error {float(dataset['solver_error'].max()):.1e}"]
+    return {"title": head[0], "conditions": head[1], "points": tables, "problems": faults}, lines

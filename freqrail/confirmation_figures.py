@@ -1,0 +1,220 @@
+"""Figures of a confirmation: time histories as the paper's figs. 3 and 4, spectra, and what the checks found.
+
+As in `figures`, which calls this, nothing is computed here and the first position of each response is drawn: the car
+body over the front pivot, the front bogie, axle 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+from freqrail.evidence import band_note, relative
+from freqrail.names import RESPONSES
+from freqrail.timedomain import RESPONSES as CONFIRMED
+
+_WIDTH = 7.2  # inches, as in `figures`
+_CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
+_PANELS_A_ROW, _POINTS_A_FIGURE = 3, 9
+_DEEPEST = 1e-8  # of its top, where a PSD axis ends
+_COLOURS = {"joint": "#0072B2", "traditional": "black"}
+_WORDS = {"joint": "model with damper joints", "traditional": "traditional model, rigid damper joints"}
+_FAULT = "#D55E00"
+_WHERE = {"car_position": "over the front pivot", "bogie": "front bogie", "axle": "axle 1"}
+_WHEELS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
+_OFFSET = {"joint": -0.18, "traditional": 0.18}  # of a row, so that the models' bars do not cover each other
+
+
+def drawings(dataset: xr.Dataset, point: int | None = None) -> dict[str, Callable[[], Figure]]:
+    """The figures of a confirmation by the stem of their file's name; of one point (from 0), or of all."""
+    chosen = range(dataset.sizes["point"]) if point is None else [point]
+    found: dict[str, Callable[[], Figure]] = {}
+    pages = [chosen[i : i + _POINTS_A_FIGURE] for i in range(0, len(chosen), _POINTS_A_FIGURE)]
+    for n, page in enumerate(pages, start=1):
+        tail = f"-{n}" if len(pages) > 1 else ""
+        found[f"confirmation{tail}"] = partial(_intervals, dataset, page)
+        found[f"solver-error{tail}"] = partial(_solver_errors, dataset, page)
+    for i in chosen:
+        label = f"point-{i + 1}"
+        found[f"track-{label}"] = partial(_track, dataset, i)
+        found[f"responses-{label}"] = partial(_responses, dataset, i)
+        found[f"psd-{label}"] = partial(_spectra, dataset, i)
+    return found
+
+
+# --- time histories and spectra of one point -------------------------------------------------------
+
+
+def _track(dataset: xr.Dataset, point: int) -> Figure:
+    """The track at the four wheels (the paper's fig. 3), and a second of it, where the lags show."""
+    one = dataset.isel(point=point)
+    figure = _figure(1, 4.2, dataset, point, "track irregularity of record 0")
+    for ax, span, letter in zip(figure.subplots(2, 1), (_SHOWN, _CLOSE), "ab", strict=True):
+        kept = one["time"].values <= span
+        for axle, colour in zip(one["axle"].values, _WHEELS, strict=True):
+            ax.plot(one["time"].values[kept], 1e3 * one["track_height"].sel(axle=axle).values[kept], color=colour)
+        ax.set_xlim(0, span)
+        ax.set(xlabel="time [s]", ylabel="track height [mm]", title=f"({letter}) under the four wheels, {span:g} s")
+    _legend(figure, [Line2D([], [], color=c, label=f"axle {n}") for n, c in enumerate(_WHEELS, start=1)])
+    return figure
+
+
+def _responses(dataset: xr.Dataset, point: int) -> Figure:
+    """The four responses in time, both models together (the paper's fig. 4)."""
+    one = dataset.isel(point=point)
+    kept = one["time"].values <= _SHOWN
+    figure = _figure(2, 5.8, dataset, point, "simulated responses to record 0")
+    for name, ax in _panels(figure):
+        response = RESPONSES[name]
+        for model, style in _line_styles().items():
+            history = _first(one[f"{name}_history"], response.dimension, model)
+            ax.plot(one["time"].values[kept], response.shown_scale * history[kept], **style)
+        ax.set_xlim(0, _SHOWN)
+        ax.set(xlabel="time [s]", ylabel=f"{name.split('_')[-1]} [{response.shown_unit}]")
+    _legend(figure, [Line2D([], [], **style, label=_WORDS[model]) for model, style in _line_styles().items()])
+    return figure
+
+
+def _spectra(dataset: xr.Dataset, point: int) -> Figure:
+    """PSDs of the simulated responses as dots over the analytic ones."""
+    one = dataset.isel(point=point)
+    figure = _figure(2, 5.8, dataset, point, "spectra: lines by frequency responses, dots by simulation (record 0)")
+    for name, ax in _panels(figure):
+        response = RESPONSES[name]
+        top = 0.0
+        for model, colour in _COLOURS.items():
+            scale = response.shown_scale**2
+            analytic, simulated = (
+                scale * _first(one[f"{name}_psd_{side}_domain"], response.dimension, model)
+                for side in ("frequency", "time")
+            )
+            ax.plot(one["frequency"].values, analytic, color=colour, linewidth=0.8)
+            # every second line of either model, so that the curves stay visible
+            dots = slice(0 if model == "joint" else 1, None, 2)
+            ax.plot(one["frequency"].values[dots], simulated[dots], ".", color=colour, markersize=2.8)
+            top = max(top, float(np.nanmax(analytic)))
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_ylim(bottom=max(ax.get_ylim()[0], _DEEPEST * top))
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        unit = response.shown_unit
+        ax.set(xlabel="frequency $f$ [Hz]", ylabel=f"one-sided PSD [{f'({unit})' if '/' in unit else unit}²/Hz]")
+    handles = [Line2D([], [], color=c, marker=".", linewidth=0.8, label=_WORDS[m]) for m, c in _COLOURS.items()]
+    _legend(figure, handles)
+    return figure
+
+
+def _line_styles() -> dict[str, dict[str, Any]]:
+    """The traditional model thin and on top, so that both are seen where they agree."""
+    return {
+        "joint": {"color": _COLOURS["joint"], "linewidth": 1.3},
+        "traditional": {"color": _COLOURS["traditional"], "linewidth": 0.6, "linestyle": "--"},
+    }
+
+
+def _first(variable: xr.DataArray, dimension: str, model: str) -> np.ndarray:
+    return variable.isel({dimension: 0}).sel(model=model).values
+
+
+def _panels(figure: Figure) -> list[tuple[str, Axes]]:
+    axes = figure.subplots(2, 2).ravel()
+    for letter, name, ax in zip("abcd", CONFIRMED, axes, strict=True):
+        ax.set_title(f"({letter}) {RESPONSES[name].long_name}, {_WHERE[RESPONSES[name].dimension]}")
+    return list(zip(CONFIRMED, axes, strict=True))
+
+
+# --- what the checks found -------------------------------------------------------------------------
+
+
+def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
+    """Simulated RMS relative to the frequency domain's, with the intervals that are reported and that decide."""
+    values = {
+        key: 100 * relative(dataset, key)
+        for key in ("pooled", "interval_low", "interval_high", "verdict_low", "verdict_high")
+    }
+    figure, panels = _rows(dataset, points, "simulated RMS against the frequency domain's (line at 0)")
+    for place, ax in panels:
+        ax.axvline(0, color="0.35", linewidth=0.8)
+        for m, model in enumerate(dataset["model"].values):
+            y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
+            at = {key: array[place, m] for key, array in values.items()}
+            ax.hlines(y, at["verdict_low"], at["verdict_high"], color=_COLOURS[model], linewidth=0.7)
+            ax.hlines(y, at["interval_low"], at["interval_high"], color=_COLOURS[model], linewidth=2.4)
+            outside = dataset["verdict_statistical"].values[place, m] != 0
+            ax.plot(at["pooled"][~outside], y[~outside], "o", color="white", markeredgecolor=_COLOURS[model], ms=3.5)
+            ax.plot(at["pooled"][outside], y[outside], "X", color=_FAULT, markersize=5)
+        ax.set_xlabel("difference of the RMS [%]")
+    _checked_legend(figure, ["bars: 95 % interval, thin lines: the simultaneous interval that decides"])
+    return figure
+
+
+def _solver_errors(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
+    """The largest solver error of every series beside what is allowed."""
+    tolerance = dataset["solver_tolerance"].values
+    figure, panels = _rows(dataset, points, "largest difference of a simulated record from its own line spectrum")
+    for place, ax in panels:
+        ax.set_xscale("log")
+        for m, model in enumerate(dataset["model"].values):
+            y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
+            errors = dataset["solver_error"].values[place, m]
+            outside = dataset["verdict_solver"].values[place, m] != 0
+            ax.plot(errors[~outside], y[~outside], "o", color=_COLOURS[model], markersize=3.5)
+            ax.plot(errors[outside], y[outside], "X", color=_FAULT, markersize=5)
+            ax.axvline(tolerance[m], color=_COLOURS[model], linewidth=0.9, linestyle=("-", (0, (4, 4)))[m])
+        ax.set_xlim(right=max(ax.get_xlim()[1], 3 * tolerance.max()))
+        ax.xaxis.set_major_locator(LogLocator(numticks=5))
+        ax.xaxis.set_minor_locator(NullLocator())
+        ax.set_xlabel("relative error of the RMS")
+    _checked_legend(figure, ["vertical line: the tolerance"])
+    return figure
+
+
+def _rows(dataset: xr.Dataset, points: Sequence[int], what: str) -> tuple[Figure, list[tuple[int, Axes]]]:
+    """A panel a point, a row a series."""
+    columns = min(_PANELS_A_ROW, len(points))
+    rows = -(-len(points) // columns)
+    figure = _figure(columns, 3.3 * rows + 0.9, dataset, None, what)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for spare in axes.ravel()[len(points) :]:
+        spare.remove()
+    panels = list(zip(points, axes.ravel(), strict=False))
+    labels = [str(label).replace("_", " ") for label in dataset["series"].values]
+    for place, ax in panels:
+        ax.set_yticks(np.arange(len(labels)), labels)
+        ax.set_ylim(len(labels) - 0.5, -0.5)
+        ax.set_title("\n".join(_place(dataset, place).split(", ")), fontsize=7)
+    return figure, panels
+
+
+def _checked_legend(figure: Figure, notes: Sequence[str]) -> None:
+    marks = [Line2D([], [], color=c, marker="o", markersize=3.5, label=_WORDS[m]) for m, c in _COLOURS.items()]
+    marks.append(Line2D([], [], color=_FAULT, marker="X", linestyle="none", markersize=5, label="outside"))
+    _legend(figure, marks, notes)
+
+
+# --- words and layout ------------------------------------------------------------------------------
+
+
+def _place(dataset: xr.Dataset, point: int) -> str:
+    return str(dataset["place"].values[point]).replace("_", " ")
+
+
+def _figure(columns: int, height: float, dataset: xr.Dataset, point: int | None, what: str) -> Figure:
+    figure = Figure(figsize=(_WIDTH, height), layout=ConstrainedLayoutEngine(wspace=0.04, hspace=0.04))
+    where = [] if point is None else [_place(dataset, point)]
+    figure.suptitle("\n".join([what, *where, band_note(dataset)]), fontsize=8.5)
+    return figure
+
+
+def _legend(figure: Figure, handles: Sequence[Line2D], notes: Sequence[str] = ()) -> None:
+    # "outside": the layout makes room for it, so that it covers no panel
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), title="\n".join(notes) or None)

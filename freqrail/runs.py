@@ -1,0 +1,216 @@
+"""What a confirmation is to do: which points, simulated how, at what cost; every fault found before anything is run."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from freqrail import timedomain
+from freqrail.case import Case
+from freqrail.errors import InputError, NumericalError
+from freqrail.integrators import INTEGRATORS
+from freqrail.names import PARAMETERS, Parameter, suggestion
+from freqrail.points import Point, axis_label, grid_axis, locate, parse_point, result_case
+from freqrail.quantities import given, parse_pair, parse_quantity
+from freqrail.realisation import LARGEST_SEED
+from freqrail.storage import open_result
+from freqrail.timedomain import Plan
+from freqrail.track import Band, band_limits
+
+WHOLE_AXIS_BAND = Band("frequency", 0.1, 100.0)
+"""What a result without a band is confirmed over: a time run cannot take in the whole axis."""
+
+STARTS = ("rest", "steady")
+MOST_REALISATIONS = 1000
+
+_DURATION = Parameter("duration", "confirm", "T", "s", "time", "60 s", "length of a record")
+_MAX_TIME = Parameter("max_time", "confirm", "t", "s", "time", "10 min", "longest wall time of a run")
+
+Points = str | Point | Sequence[str | Point]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a confirmation is to do: the points, how each is simulated, where they lie on the result's grid.
+
+    band: the one confirmed over. indices: {swept parameter: index} a point; labels: the same in words.
+    """
+
+    case: Case
+    dataset: xr.Dataset
+    band: Band
+    indices: tuple[dict[str, int], ...]
+    labels: tuple[str, ...]
+    points: tuple[timedomain.Point, ...]
+    plans: tuple[Plan, ...]
+
+    @property
+    def simulated_seconds(self) -> float:
+        """Seconds to be simulated in all, which `progress` is told of."""
+        return sum(
+            timedomain.simulated_seconds(point, plan, tighter=not place)
+            for place, (point, plan) in enumerate(zip(self.points, self.plans, strict=True))
+        )
+
+    @property
+    def stored_bytes(self) -> int:
+        """Size of the confirmation in bytes, about."""
+        plan = self.plans[0]
+        highest = max(plan.limits[1] for plan in self.plans)
+        samples = timedomain.HISTORY * highest * plan.samples_a_period / timedomain.KEPT_EVERY
+        each = 2 * timedomain.SERIES_COUNT * (8 * (8 + 2 * plan.realisations + 2 * timedomain.PSD_LINES) + 4 * samples)
+        return int(len(self.points) * (each + 24 * samples)) + 2 * len(self.case.text) + 200_000
+
+    def seconds(self, jobs: int = 1, integrator: str | None = None) -> float:
+        """Estimated wall time in s on `jobs` processes, from trial runs of every point's first moments."""
+        each = []
+        for place, (point, plan) in enumerate(zip(self.points, self.plans, strict=True)):
+            plan = replace(plan, integrator=integrator or plan.integrator)
+            once = timedomain.seconds(point, plan)
+            if not place:
+                once += timedomain.seconds(point, replace(plan.tighter(), realisations=0))
+            each.append(once)
+        return max(max(each), sum(each) / jobs)
+
+
+def plan_run(
+    result: xr.Dataset | str | os.PathLike[str],
+    at: Points | None = None,
+    seed: int = 0,
+    realisations: int = 8,
+    duration: str = "60 s",
+    integrator: str = "rk45",
+    start: str = "rest",
+    band: str | None = None,
+) -> Run:
+    """The checked plan of `confirm`, whose arguments these are. Raises InputError."""
+    dataset = result if isinstance(result, xr.Dataset) else open_result(result)
+    if "status" not in dataset:
+        raise InputError("confirm: this dataset is no result of `freqrail sweep` (it has no variable status)")
+    problems = _option_problems(seed, realisations, integrator, start)
+    period = _quantity(_DURATION, "--duration", duration, problems)
+    case = result_case(dataset)
+    chosen = _band(band, problems) if band else case.band or WHOLE_AXIS_BAND
+    if problems:
+        raise InputError(*problems)
+    indices = _indices(dataset, case, at)
+    labels = tuple(_label_of(dataset, index) for index in indices)
+    points = tuple(_point(case, dataset, index) for index in indices)
+    plans = []
+    for label, point in zip(labels, points, strict=True):
+        low, high = band_limits(chosen, point.speed) / (2 * np.pi)
+        plan = Plan((float(low), float(high)), period, realisations, integrator, start, seed)
+        try:
+            timedomain.check_plan(point, plan)
+        except InputError as fault:
+            raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
+        plans.append(plan)
+    return Run(case, dataset, chosen, tuple(indices), labels, points, tuple(plans))
+
+
+def check_cost(run: Run, max_time: str = "10 min", jobs: int = 1) -> float:
+    """The estimated wall time of a run, s. Raises NumericalError, with an alternative, if it exceeds `max_time`."""
+    problems: list[str] = []
+    limit = _quantity(_MAX_TIME, "--max-time", max_time, problems)
+    if type(jobs) is not int or jobs < 1:
+        problems.append(f"--jobs: must be a whole number, at least 1 {given(jobs)}")
+    if problems:
+        raise InputError(*problems)
+    needed = run.seconds(jobs)
+    if needed > limit:
+        integrator = run.plans[0].integrator
+        way_out = "give a smaller --duration or fewer --realisations"
+        if integrator != "exponential":
+            faster = run.seconds(jobs, "exponential")
+            way_out = f"--integrator exponential takes about {_time(faster)}, whatever the stiffness"
+        raise NumericalError(
+            f"confirm: {integrator} would take about {_time(needed)}, more than --max-time allows "
+            f'(got "{max_time}"); {way_out}'
+        )
+    return needed
+
+
+def _time(seconds: float) -> str:
+    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def _option_problems(seed: int, realisations: int, integrator: str, start: str) -> list[str]:
+    problems = []
+    for name, value, low, high in (
+        ("seed", seed, 0, LARGEST_SEED),
+        ("realisations", realisations, 1, MOST_REALISATIONS),
+    ):
+        if type(value) is not int or not low <= value <= high:
+            problems.append(f"--{name}: must be a whole number from {low} to {high} {given(value)}")
+    for name, choice, known in (("integrator", integrator, INTEGRATORS), ("start", start, STARTS)):
+        if choice not in known:
+            problems.append(f"--{name}: unknown{suggestion(str(choice), known)} {given(choice)}")
+    return problems
+
+
+def _quantity(parameter: Parameter, option: str, text: object, problems: list[str]) -> float:
+    try:
+        return parse_quantity(parameter, text).value
+    except ValueError as fault:
+        problems.append(f"{option}: {fault}")
+        return math.nan
+
+
+def _band(text: str, problems: list[str]) -> Band:
+    """A band from "0.1:100 Hz" or, by wavelength, "1:200 m"."""
+    kind = "wavelength" if str(text).rstrip().endswith("m") else "frequency"
+    try:
+        low, high = parse_pair(PARAMETERS[kind], text)
+    except ValueError as fault:
+        problems.append(f"--band: {fault}")
+        return WHOLE_AXIS_BAND
+    if not low.value < high.value:
+        problems.append(f"--band: the lower limit must be below the upper one {given(text)}")
+    return Band(kind, low.value, high.value)
+
+
+def _indices(dataset: xr.Dataset, case: Case, at: Points | None) -> list[dict[str, int]]:
+    """Where the points lie on the grid. Raises InputError for one that is off it or given twice."""
+    named: list[tuple[str, Point | None]] = []
+    if at is not None:
+        given_points = [at] if isinstance(at, str | Mapping) else list(at)
+        named = [("--at", parse_point(point) if isinstance(point, str) else point) for point in given_points]
+    elif case.points:
+        named = [(f"[confirm].points: point {n}:", point) for n, point in enumerate(case.points, start=1)]
+    if not named:
+        named = [("--at", None)]  # the case's own scalars
+    indices: list[dict[str, int]] = []
+    problems: list[str] = []
+    for origin, point in named:
+        try:
+            index = locate(dataset, point, origin=origin)
+        except InputError as fault:
+            problems += fault.problems
+            continue
+        if index in indices:
+            problems.append(f"{origin} the same grid point as point {indices.index(index) + 1}; give each once")
+        indices.append(index)
+    if problems:
+        raise InputError(*problems)
+    return indices
+
+
+def _point(case: Case, dataset: xr.Dataset, index: Mapping[str, int]) -> timedomain.Point:
+    vehicle = case.vehicles().at(tuple(index[axis.name] for axis in case.axes if axis.name != "speed"))
+    values = {name: quantity.value for name, quantity in case.quantities.items()}
+    values |= {name: float(grid_axis(dataset, name).si[i]) for name, i in index.items()}
+    # twelve digits: the streams must not hang on the last bit of a conversion of units
+    key = ", ".join(f"{name}={values[name]:.12g}" for name in sorted(values))
+    return timedomain.Point(vehicle, values["speed"], case.spectrum, key)
+
+
+def _label_of(dataset: xr.Dataset, index: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in index.items())

@@ -1,0 +1,265 @@
+"""The time domain against the frequency domain: they agree, and every fault put into one of them shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import lags, output_matrices
+
+from freqrail import grid, timedomain
+from freqrail.errors import InputError
+from freqrail.integrators import Accuracy
+from freqrail.realisation import gaussian_amplitudes, mean_square, spectral_lines, stream
+from freqrail.timedomain import MODELS, RESPONSES, SERIES_COUNT, Plan, Point, Simulated
+from freqrail.track import Band, RationalSpectrum
+from freqrail.vehicle import half_vehicle, state_space
+
+BAND = (0.1, 100.0)
+SHORT = Plan(BAND, period=20.0, realisations=2, integrator="exponential")
+
+
+@pytest.fixture(scope="module")
+def point(paper_vehicle, german_low) -> Point:
+    return Point(paper_vehicle, 250 / 3.6, german_low, "speed=250 km/h")
+
+
+def reference(point: Point, band=BAND) -> np.ndarray:
+    """The numbers under test: RMS over the continuous spectrum, [model, series]."""
+    rows = []
+    for vehicle in (point.vehicle, point.vehicle.traditional()):
+        study = grid.Study(vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *band), RESPONSES)
+        rms = grid.solve(study).rms
+        rows.append(np.concatenate([rms[name][:, 0] for name in RESPONSES]))
+    return np.array(rows)
+
+
+def verdicts(point, plan, side=None, true=None) -> tuple[np.ndarray, np.ndarray]:
+    """(solver, statistical) verdicts of one point; `true` is the point that the frequency domain knows."""
+    evidence = timedomain.examine(point, plan, side)
+    return timedomain.verdicts(evidence, reference(true or point), plan, 2 * SERIES_COUNT)
+
+
+def flagged(verdict: np.ndarray) -> bool:
+    """Whether some check of each model says so."""
+    return bool(np.all((verdict != 0).any(axis=1)))
+
+
+# --- they agree ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [100, 250, 300])
+def test_one_period_of_the_exact_recurrence_has_the_line_spectrums_rms_to_2e_5(point, speed):
+    evidence = timedomain.examine(replace(point, speed=speed / 3.6), SHORT)
+    assert evidence.failures == {}
+    assert evidence.solver_error.shape == (2, SERIES_COUNT)
+    assert evidence.solver_error.max() < 2e-5
+
+
+def test_rk45_does_too(point):
+    evidence = timedomain.examine(point, replace(SHORT, integrator="rk45", realisations=1))
+    assert evidence.solver_error.max() < 2e-5
+
+
+def test_a_start_in_the_steady_state_needs_no_time_to_forget(point):
+    plan = replace(SHORT, start="steady")
+    assert timedomain.startup(point, plan) == 0
+    assert timedomain.examine(point, plan).solver_error.max() < 2e-5
+
+
+def test_radau_and_newmark_keep_their_tolerances(point):
+    plan = replace(SHORT, start="steady", realisations=1, period=18.0)
+    for integrator in ("radau", "newmark"):
+        found = timedomain.examine(replace(point), replace(plan, integrator=integrator, limits=(0.1, 20.0)))
+        assert found.failures == {}
+        tolerance = [
+            timedomain.SOLVER_TOLERANCE[timedomain.integrator_of(replace(plan, integrator=integrator), m)]
+            for m in MODELS
+        ]
+        assert np.all(found.solver_error.max(axis=1) < tolerance)
+
+
+def test_gaussian_records_confirm_the_continuous_rms(point):
+    solver, statistical = verdicts(point, SHORT)
+    assert not solver.any()
+    assert not statistical.any()
+
+
+def test_the_run_from_rest_and_the_run_in_the_steady_state_are_one_after_the_start_is_forgotten(point):
+    rest = timedomain.examine(point, SHORT)
+    steady = timedomain.examine(point, replace(SHORT, start="steady"))
+    size = np.abs(rest.histories).max(axis=-1, keepdims=True)
+    np.testing.assert_allclose(rest.histories / size, steady.histories / size, atol=2e-5)
+
+
+def test_the_simulated_spectrum_is_the_analytic_one_at_every_line(point):
+    evidence = timedomain.examine(point, SHORT)
+    peak = evidence.psd.max(axis=-1, keepdims=True)
+    np.testing.assert_allclose(evidence.psd_simulated / peak, evidence.psd / peak, atol=1e-5)
+
+
+def test_readout_is_that_of_the_tests_own_state_equations(paper_vehicle):
+    c, _ = output_matrices(paper_vehicle)
+    side = timedomain.time_side(Point(paper_vehicle, 1.0, None, ""))
+    np.testing.assert_allclose(side.readout["joint"], np.concatenate([c[name] for name in RESPONSES]))
+
+
+def test_lags_are_those_of_eq_2(point):
+    np.testing.assert_allclose(timedomain.time_side(point).lags, lags(point.vehicle, point.speed))
+
+
+# --- it can fail -----------------------------------------------------------------------------------
+
+
+def with_leg(point: Point, name: str, **changes) -> Simulated:
+    """The time side with one suspension leg changed."""
+    side = timedomain.time_side(point)
+    models = {}
+    for model, vehicle in zip(MODELS, (point.vehicle, point.vehicle.traditional()), strict=True):
+        system = half_vehicle(vehicle)
+        legs = tuple(
+            replace(leg, **{k: f * getattr(leg, k) for k, f in changes.items()}) if leg.name == name else leg
+            for leg in system.legs
+        )
+        models[model] = state_space(replace(system, legs=legs))
+    return replace(side, models=models)
+
+
+@pytest.mark.parametrize("leg", ["secondary_1", "primary_3"])
+def test_two_per_cent_on_one_stiffness_is_flagged(point, leg):
+    solver, _ = verdicts(point, SHORT, with_leg(point, leg, stiffness=1.02))
+    assert flagged(solver)
+
+
+def test_two_per_cent_on_one_joint_is_flagged_in_the_joint_model_alone(point):
+    solver, _ = verdicts(point, SHORT, with_leg(point, "primary_2", joint_stiffness=1.02))
+    assert solver[0].any()
+    assert not solver[1].any()
+
+
+@pytest.mark.parametrize("order", [[1, 0, 2, 3], [0, 2, 1, 3], [3, 2, 1, 0]])
+def test_a_swapped_wheel_lag_is_flagged(point, order):
+    side = timedomain.time_side(point)
+    solver, _ = verdicts(point, SHORT, replace(side, lags=side.lags[order]))
+    assert flagged(solver)
+
+
+@pytest.mark.parametrize(("row", "column"), [("dz_t1/dt", "z_c"), ("dz_w3/dt", "beta_t2"), ("dbeta_t1/dt", "z_w1")])
+def test_a_wrong_sign_in_one_coupling_term_is_flagged(point, row, column):
+    side = timedomain.time_side(point)
+    models = {}
+    for name, model in side.models.items():
+        a = model.a.copy()
+        a[model.states.index(row), model.states.index(column)] *= -1
+        models[name] = replace(model, a=a)
+    solver, _ = verdicts(point, SHORT, replace(side, models=models))
+    assert flagged(solver)
+
+
+def test_a_factor_of_two_pi_in_the_spectrum_passes_the_solver_check_and_is_flagged_by_the_statistical_one(point):
+    wrong = RationalSpectrum("wrong", 2 * np.pi * point.spectrum.roughness, point.spectrum.cutoffs)
+    solver, statistical = verdicts(replace(point, spectrum=wrong), SHORT, true=point)
+    assert not solver.any()
+    assert (statistical == 1).all()
+
+
+def test_linear_interpolation_at_a_millisecond_is_flagged(point):
+    plan = replace(SHORT, interpolation="linear")
+    evidence = timedomain.examine(point, plan)
+    assert evidence.heights.shape[0] == 4
+    solver, _ = timedomain.verdicts(evidence, reference(point), plan, 2 * SERIES_COUNT)
+    assert flagged(solver)
+
+
+def test_a_model_that_runs_away_is_a_failure_with_a_reason_and_nan(point):
+    side = timedomain.time_side(point)
+    runaway = replace(side.models["joint"], a=side.models["joint"].a + 2.0 * np.eye(26))
+    evidence = timedomain.examine(point, SHORT, replace(side, models={**side.models, "joint": runaway}))
+    assert "grow without bound" in evidence.failures["joint"]
+    assert np.isnan(evidence.simulated[0]).all()
+    solver, statistical = timedomain.verdicts(evidence, reference(point), SHORT, 2 * SERIES_COUNT)
+    assert (solver[0] == timedomain.VERDICTS.index("failed")).all()
+    assert (statistical[0] == timedomain.VERDICTS.index("failed")).all()
+
+
+# --- statistics ------------------------------------------------------------------------------------
+
+
+def test_the_interval_covers_the_true_rms_in_95_per_cent_of_2000_seeds(point):
+    """Closed-form line RMS, nothing integrated: all eleven series of both models."""
+    plan = replace(SHORT, period=60.0, realisations=1)
+    lines = spectral_lines(point.spectrum, point.speed, BAND, plan.period)
+    power = timedomain.transfer_power(point, lines.frequency)
+    degrees = timedomain.degrees_of_freedom(power, lines, plan.realisations)
+    true = reference(point)
+    covered = np.zeros(true.shape)
+    for seed in range(2000):
+        record = gaussian_amplitudes(lines, stream(seed, point.key, "gaussian", 1))
+        low, high = timedomain.interval(np.sqrt(mean_square(power, record[None])[..., 0]), degrees)
+        covered += (low <= true) & (true <= high)
+    share = covered / 2000
+    assert share.min() > 0.935
+    assert share.max() < 0.965
+
+
+def test_the_sum_over_lines_is_the_rms_over_the_continuous_spectrum(point):
+    lines = spectral_lines(point.spectrum, point.speed, BAND, 60.0)
+    power = timedomain.transfer_power(point, lines.frequency)
+    total = np.sqrt(power @ lines.amplitude**2 / 2)
+    np.testing.assert_allclose(total, reference(point), rtol=1e-4)
+
+
+def test_simultaneous_intervals_are_wider_the_more_checks_there_are():
+    one, many = timedomain.simultaneous(1), timedomain.simultaneous(66)
+    assert one == pytest.approx(0.999)
+    assert 1 - many == pytest.approx(0.001 / 66)
+
+
+def test_white_noise_has_the_degrees_of_freedom_of_its_bandwidth():
+    flat = RationalSpectrum("flat", 1.0, (1e6, 1e6))
+    lines = spectral_lines(flat, 50.0, (1.0, 11.0), 8.0)
+    assert timedomain.degrees_of_freedom(np.ones(lines.order.size), lines, 3) == pytest.approx(2 * 10 * 8 * 3, rel=1e-6)
+
+
+# --- before the run --------------------------------------------------------------------------------
+
+
+def test_the_start_waits_for_the_slowest_mode_below_the_bands_end(point):
+    # design, section 5: 29 s on the paper's case
+    assert timedomain.startup(point, SHORT) - timedomain.RAMP == pytest.approx(29, abs=1)
+
+
+def test_a_band_that_reaches_the_wheelsets_must_wait_for_them(point):
+    # decay time 5.7 s at 5 MN/m, so ln(1e5) times that
+    assert timedomain.startup(point, replace(SHORT, limits=(0.1, 250.0))) - timedomain.RAMP == pytest.approx(66, abs=2)
+
+
+def test_records_too_short_for_a_mode_are_refused_with_the_length_that_is_due(point):
+    with pytest.raises(InputError, match=r"too short.*--duration \"18 s\""):
+        timedomain.check_plan(point, replace(SHORT, period=5.0))
+
+
+def test_records_that_do_not_fit_the_memory_are_refused(point):
+    with pytest.raises(InputError, match="GB of memory"):
+        timedomain.check_plan(point, replace(SHORT, period=1e6))
+
+
+def test_the_estimate_of_the_cost_grows_with_the_stiffness_for_rk45_and_not_for_the_recurrence(point):
+    stiff = replace(point, vehicle=replace(point.vehicle, primary_joint_stiffness=1e10))
+    plan = replace(SHORT, integrator="rk45")
+    assert timedomain.seconds(stiff, plan) > 20 * timedomain.seconds(point, plan)
+    assert timedomain.seconds(stiff, SHORT) < 60
+
+
+def test_a_plan_ten_times_tighter_changes_next_to_nothing(point):
+    evidence = timedomain.examine(point, SHORT, tighter=True)
+    assert 0 < evidence.tighter_change < 2e-5
+    assert replace(SHORT, accuracy=Accuracy(1e-5)).tighter().accuracy.relative == pytest.approx(1e-6)
+
+
+def test_records_are_the_same_however_many_there_are_and_in_whatever_batches(point, monkeypatch):
+    few = timedomain.examine(point, SHORT)
+    monkeypatch.setattr(timedomain, "BATCH", 2)
+    many = timedomain.examine(point, replace(SHORT, realisations=4))
+    np.testing.assert_allclose(many.simulated[..., :3], few.simulated, rtol=1e-12)
