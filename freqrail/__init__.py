@@ -22,7 +22,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "load_case": "case",
     "shipped_cases": "casefile",
-    "sweep": "dataset",
+    "sweep": "campaign",
     "confirm": "confirmation",
     "open_result": "storage",
     "write_result": "storage",
@@ -49,10 +49,10 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from freqrail.campaign import sweep
     from freqrail.case import load_case
     from freqrail.casefile import shipped_cases
     from freqrail.confirmation import confirm
-    from freqrail.dataset import sweep
     from freqrail.errors import FreqrailError, FreqrailWarning
     from freqrail.figures import plot
     from freqrail.modal import modes

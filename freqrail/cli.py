@@ -91,9 +91,11 @@ def cli() -> None:
 @click.option("--psd", is_flag=True, help="Store spectra too.")
 @click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@click.option("--resume", is_flag=True, help="Take over the finished blocks of an interrupted run of the same sweep.")
 @click.option(
     "--jobs", type=click.IntRange(min=1), help="Threads that work on blocks; as many as processors unless given."
 )
+@click.option("--dask", metavar="ADDRESS|local", help="Send the blocks to a dask cluster: tcp://HOST:PORT, or local.")
 @_JSON
 def sweep(
     case: str,
@@ -104,24 +106,35 @@ def sweep(
     psd: bool,
     dry_run: bool,
     overwrite: bool,
+    resume: bool,
     jobs: int | None,
+    dask: str | None,
     as_json: bool,
 ) -> None:
     """Compute the RMS responses of CASE over its grid and write them as a labelled NetCDF file."""
     over_by_name, settings_by_name = _once(over, "--over"), _once(settings, "--set")
     if "frequency" in over_by_name and not psd:
         raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
+    from freqrail.campaign import local, sweep_to_file
     from freqrail.case import load_case
-    from freqrail.dataset import Plan, first_failures
-    from freqrail.dataset import sweep as compute
     from freqrail.grid import processors
-    from freqrail.storage import check_target, write_result
-    from freqrail.summary import largest_error, number
+    from freqrail.journal import journal_path
+    from freqrail.plan import Plan, band_text
+    from freqrail.storage import check_target
+    from freqrail.summary import number
 
+    if dask and jobs:
+        raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
+    if dask:
+        from freqrail import cluster
+
+        executor = cluster.executor(dask)
+    else:
+        executor = local(jobs)
     loaded = load_case(case, settings_by_name, over_by_name)
     plan = Plan.of(loaded, responses, psd)
     target = Path(output or Path("results", f"{loaded.name}.nc"))
-    check_target(target, overwrite or dry_run, (case,), plan.stored_bytes, new_folder=output is None)
+    check_target(target, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
     if dry_run:
@@ -140,14 +153,20 @@ def sweep(
     if output is None:
         target.parent.mkdir(exist_ok=True)
     start = time.perf_counter()
-    with _progress("sweep", plan.work) as advance:
-        result = compute(loaded, responses=responses, psd=psd, jobs=jobs, progress=advance)
+    try:
+        with _progress("sweep", plan.work) as advance:
+            outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
+    except KeyboardInterrupt:
+        if journal_path(target).exists():
+            again = shlex.join(dict.fromkeys([*click.get_current_context().obj, "--resume"]))
+            click.echo(f"freqrail: finished blocks are kept; to go on: {_program()} {again}", err=True)
+        raise
     elapsed = time.perf_counter() - start
-    write_result(result, target, overwrite)
-    failures = first_failures(result)
+    failures = list(outcome.failures)
     next_step = "plot" if plan.points > 1 else "show"
-    error = largest_error(result)
+    error = outcome.largest_error
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
+    taken_over = f", {_count(outcome.resumed, 'block')} taken over" if resume else ""
     accuracy = (
         "no number has an error estimate" if math.isnan(error) else f"largest estimated error {error:.1e} (relative)"
     )
@@ -156,8 +175,8 @@ def sweep(
         as_json,
         f"{_count(plan.points, 'grid point')} ({grid}), {_count(len(plan.names), 'response')}, "
         "with joints and traditional",
-        f"band {result.attrs['band']}; {accuracy}",
-        f"written: {target} ({_size(target.stat().st_size)}, computed in {number(elapsed, 2)} s)",
+        f"band {band_text(loaded.band)}; {accuracy}",
+        f"written: {target} ({_size(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
         f"next: {_program()} {next_step} {shlex.quote(str(target))}",
     )
     if failures:
@@ -496,7 +515,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("always", FreqrailWarning)
             warnings.showwarning = _show_warning
-            cli.main(args=arguments, prog_name="freqrail", standalone_mode=False)
+            given = list(sys.argv[1:] if arguments is None else arguments)
+            cli.main(args=given, prog_name="freqrail", standalone_mode=False, obj=given)
         sys.stdout.flush()
     except click.exceptions.Exit as stop:
         return stop.exit_code

@@ -16,8 +16,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import timedomain
-from freqrail.dataset import attributes, band_text, content_digest, coordinate, flags
+from freqrail.dataset import attributes, content_digest, coordinate, flags
 from freqrail.names import DIMENSIONS, RESPONSES
+from freqrail.plan import band_text
 from freqrail.points import grid_axis, swept
 from freqrail.runs import Run
 from freqrail.timedomain import MODELS, VERDICTS, Evidence

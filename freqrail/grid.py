@@ -82,11 +82,25 @@ class Solution:
     method: NDArray[np.int8]
 
 
-def solve(study: Study, jobs: int = 1, progress: Progress = lambda points: None) -> Solution:
+@dataclass(frozen=True)
+class SharedNodes:
+    """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own; `rms.rounding` [m].
+
+    They depend on the whole grid: a part of it takes those of the whole, and so gets the same bits.
+    """
+
+    edges: NDArray[np.float64] | None
+    lost: NDArray[np.float64]
+
+
+def solve(
+    study: Study, jobs: int = 1, progress: Progress = lambda points: None, nodes: SharedNodes | None = None
+) -> Solution:
     """RMS of every named response at every grid point, with an error estimate and a status each.
 
     jobs: threads that work on blocks; the result does not depend on it. progress: called with the
-    number of grid points just finished. Never raises for a numerical failure: such points are NaN.
+    number of grid points just finished. nodes: `shared_nodes` of the grid that this one is a part of, if any.
+    Never raises for a numerical failure: such points are NaN.
     """
     shape = study.shape
     positions = {name: len(SERIES[name].positions) for name in study.names}
@@ -96,10 +110,11 @@ def solve(study: Study, jobs: int = 1, progress: Progress = lambda points: None)
         status=np.full(shape, STATUS.index("unresolved_peak"), np.int8),
         method=np.zeros(shape, np.int8),
     )
-    if _in_closed_form(study):
+    nodes = nodes or shared_nodes(study)
+    if nodes is None:
         _solve_in_closed_form(study, solution, jobs, progress)
     else:
-        _solve_by_quadrature(study, solution, jobs, progress)
+        _solve_by_quadrature(study, solution, nodes, jobs, progress)
     _judge(study, solution)
     return solution
 
@@ -110,12 +125,12 @@ def _in_closed_form(study: Study) -> bool:
 
 def _solve_in_closed_form(study: Study, solution: Solution, jobs: int, progress: Progress) -> None:
     def part(cell: tuple[slice, ...]) -> None:
-        vehicle = _cut(study.vehicle, cell)
+        vehicle = cut(study.vehicle, cell)
         block = residues.mean_squares(vehicle, study.names, study.spectrum, study.speed)
         _store(solution, cell, block, "closed_form")
         progress(math.prod(vehicle.shape) * study.speed.size)
 
-    _run(part, _cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size), jobs)
+    _run(part, cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size), jobs)
     _run(partial(_improve, study, solution), _inaccurate(study, solution), jobs)
 
 
@@ -143,30 +158,29 @@ def _improve(study: Study, solution: Solution, index: tuple[int, ...]) -> None:
     solution.method[cell] = np.where(better, METHOD.index("own_quadrature"), solution.method[cell])
 
 
-def _solve_by_quadrature(study: Study, solution: Solution, jobs: int, progress: Progress) -> None:
-    edges, lost = _shared_edges(study)
+def _solve_by_quadrature(study: Study, solution: Solution, shared: SharedNodes, jobs: int, progress: Progress) -> None:
     own: list[tuple[int, ...]] = []
-    if edges is None:
+    if shared.edges is None:
         own = list(np.ndindex(study.vehicle.shape))
     else:
-        rule = rms.quadrature(edges)
-        for geometry, cells in _blocks(study.vehicle, BLOCK):
+        rule = rms.quadrature(shared.edges)
+        for geometry, group in _blocks(study.vehicle, BLOCK):
             nodes = list(_weighted_nodes(study, geometry, rule, rms.NODES))
 
-            def shared(cell: tuple[slice, ...], nodes: list[rms.WeightedNodes] = nodes) -> None:
-                part = replace(study, vehicle=_cut(study.vehicle, cell))
-                block = rms.mean_squares(part.vehicle.column(), study.names, nodes, lost)
+            def together(cell: tuple[slice, ...], nodes: list[rms.WeightedNodes] = nodes) -> None:
+                part = replace(study, vehicle=cut(study.vehicle, cell))
+                block = rms.mean_squares(part.vehicle.column(), study.names, nodes, shared.lost)
                 _store(solution, cell, block, "shared_quadrature")
                 progress(math.prod(part.shape))
 
-            _run(shared, cells, jobs)
+            _run(together, group, jobs)
         worst = np.max([np.max(e, axis=(0, -1)) for e in solution.relative_error.values()], axis=0)
         own = [tuple(map(int, i)) for i in np.argwhere(~(worst <= REFINE_ABOVE))]
 
     def alone(index: tuple[int, ...]) -> None:
         cell = tuple(slice(i, i + 1) for i in index)
         _store(solution, cell, _own_quadrature(study, index), "own_quadrature")
-        if edges is None:
+        if shared.edges is None:
             progress(study.speed.size)
 
     _run(alone, own, jobs)
@@ -177,9 +191,9 @@ def psd(
 ) -> dict[str, NDArray[np.float64]]:
     """One-sided PSDs {name: [positions, grid..., speeds, n]} at `frequency` [n] in Hz, per Hz, SI squared."""
     result = {name: np.empty((len(SERIES[name].positions), *study.shape, frequency.size)) for name in study.names}
-    for _, cells in _blocks(study.vehicle, PSD_BLOCK // (frequency.size * study.speed.size)):
-        for cell in cells:
-            part = _cut(study.vehicle, cell)
+    for _, group in _blocks(study.vehicle, PSD_BLOCK // (frequency.size * study.speed.size)):
+        for cell in group:
+            part = cut(study.vehicle, cell)
             column = part.column().column()
             for name in study.names:
                 result[name][(slice(None), *cell)] = response_psd(
@@ -191,22 +205,22 @@ def psd(
 
 def seconds(study: Study, jobs: int = 1) -> float:
     """Estimated wall time of `solve`, s, from timing the first block of this grid."""
-    if _in_closed_form(study):
-        cell = _cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size)[0]
-        first = _cut(study.vehicle, cell)
+    shared = shared_nodes(study)
+    if shared is None:
+        cell = cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size)[0]
+        first = cut(study.vehicle, cell)
         start = time.perf_counter()
         residues.mean_squares(first, study.names, study.spectrum, study.speed)
         once = time.perf_counter() - start
         return once * math.prod(study.vehicle.shape) / math.prod(first.shape) / jobs
-    edges, _ = _shared_edges(study)
     start = time.perf_counter()
-    if edges is None:
+    if shared.edges is None:
         _own_quadrature(study, (0,) * len(study.vehicle.shape))
         return (time.perf_counter() - start) * math.prod(study.vehicle.shape) / jobs
-    rule = rms.quadrature(edges)
-    geometry, cells = next(iter(_blocks(study.vehicle, BLOCK)))
+    rule = rms.quadrature(shared.edges)
+    geometry, group = next(iter(_blocks(study.vehicle, BLOCK)))
     nodes = list(_weighted_nodes(study, geometry, rule, rms.NODES))
-    part = _cut(study.vehicle, cells[0])
+    part = cut(study.vehicle, group[0])
     start = time.perf_counter()
     rms.mean_squares(part.column(), study.names, nodes)
     once = time.perf_counter() - start
@@ -239,32 +253,36 @@ def _first_edges(study: Study, resonances: NDArray[np.complex128]) -> NDArray[np
     return np.unique(np.concatenate([ends.ravel(), points[(points > limits[0]) & (points < limits[1])]]))
 
 
-def _shared_edges(study: Study) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
-    """Panel edges that serve the whole grid, or None if they would be too many; and `rms.rounding` per speed."""
+def shared_nodes(study: Study) -> SharedNodes | None:
+    """Nodes that serve the whole grid, where they are not too many; None where the closed form needs none."""
+    if _in_closed_form(study):
+        return None
     sample = _sample(study.vehicle)
     resonances = np.concatenate([residues.chain_poles(sample, chain).ravel() for chain in CHAINS])
     resonances = resonances[np.isfinite(resonances)]
     if np.isinf(_limits(study)).any():
-        return None, np.array(np.nan)  # the bound of what lies beyond the nodes is each vehicle's own
+        return SharedNodes(None, np.array(np.nan))  # the bound of what lies beyond the nodes is each vehicle's own
     first = _first_edges(study, resonances)
     if math.prod(sample.shape) < math.prod(study.vehicle.shape):
         inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
         if np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
-            return None, np.array(np.nan)  # between the vehicles sampled, such a peak could pass through the nodes
+            return SharedNodes(
+                None, np.array(np.nan)
+            )  # between the vehicles sampled, such a peak could pass through the nodes
     lag = float(np.max(sample.half_bogie_spacing + sample.half_wheelbase)) * 2 / float(study.speed.min())
     everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
     lost = rms.rounding(resonances, _limits(study))
     if rms.fewest_nodes(first, lag) > SHARED_NODES:
-        return None, lost
+        return SharedNodes(None, lost)
     edges = rms.panel_edges(first, everything, lag)
-    return (edges if (edges.size - 1) * rms.PANEL_NODES <= SHARED_NODES else None), lost
+    return SharedNodes(edges if (edges.size - 1) * rms.PANEL_NODES <= SHARED_NODES else None, lost)
 
 
 def _sample(vehicle: Vehicle) -> Vehicle:
     """At most about SAMPLES vehicles of the grid, evenly over every axis, its two ends among them."""
     varying = sum(n > 1 for n in vehicle.shape)
     limit = max(2, int(SAMPLES ** (1 / varying))) if varying else 1
-    return _cut(
+    return cut(
         vehicle, tuple(np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in vehicle.shape)
     )
 
@@ -277,7 +295,7 @@ def _blocks(vehicle: Vehicle, most: int) -> Iterator[tuple[tuple[int, ...], list
     """
     shape = vehicle.shape
     fixed = [_varies(vehicle, axis) for axis in range(len(shape))]
-    inside = _cells(tuple(1 if f else n for n, f in zip(shape, fixed, strict=True)), most)
+    inside = cells(tuple(1 if f else n for n, f in zip(shape, fixed, strict=True)), most)
     for geometry in np.ndindex(*(n if f else 1 for n, f in zip(shape, fixed, strict=True))):
         yield (
             geometry,
@@ -288,7 +306,7 @@ def _blocks(vehicle: Vehicle, most: int) -> Iterator[tuple[tuple[int, ...], list
         )
 
 
-def _cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
+def cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
     """A grid cut into blocks of at most `most` vehicles (but one at least), about as long along every axis.
 
     So whatever depends on some of the axes only is computed least often.
@@ -297,6 +315,7 @@ def _cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
     while 2 * math.prod(size) <= most and any(s < n for s, n in zip(size, shape, strict=True)):
         shortest = min((axis for axis, n in enumerate(shape) if size[axis] < n), key=lambda axis: size[axis])
         size[shortest] *= 2
+    size = [-(-n // -(-n // step)) for n, step in zip(shape, size, strict=True)]  # all about equally long
     starts = [range(0, n, step) for n, step in zip(shape, size, strict=True)]
     return [
         tuple(slice(s, min(s + step, n)) for s, step, n in zip(corner, size, shape, strict=True))
@@ -311,7 +330,7 @@ def _varies(vehicle: Vehicle, axis: int) -> bool:
     return any(len(shape) >= behind and shape[-behind] > 1 for shape in shapes)
 
 
-def _cut(vehicle: Vehicle, cell: tuple[slice | NDArray[np.intp], ...]) -> Vehicle:
+def cut(vehicle: Vehicle, cell: tuple[slice | NDArray[np.intp], ...]) -> Vehicle:
     """The part of a grid of vehicles inside `cell`; a field stays whole along axes where it has length 1."""
 
     def part(field: object) -> object:

@@ -7,20 +7,26 @@ read checks that digest. One thread of one process touches NetCDF: the library i
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import math
 import os
 import shutil
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import netCDF4
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from freqrail.dataset import SCHEMA_VERSION, content_digest
+from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest
 from freqrail.errors import FileError, InputError
 
 _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+CHUNK = 1_000_000  # most bytes of a chunk of a variable in the file
 _EXPANSION = 1000  # a file that declares more than this many bytes of data per byte of its own is not read
 
 
@@ -65,6 +71,110 @@ def check_target(
     return target
 
 
+@contextlib.contextmanager
+def lock(target: Path) -> Iterator[None]:
+    """Keep every other run from writing `target`. The lock ends with the process, however that ends.
+
+    Raises FileError if another run holds it.
+    """
+    path = target.with_name(f".{target.name}.lock")
+    while True:
+        try:
+            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as fault:
+            raise FileError(f"{path}: cannot be written: {fault.strerror}") from None
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(handle)
+            raise FileError(
+                f"{target}: another run of freqrail is writing this file; wait for it, or name another with -o"
+            ) from None
+        if path.exists() and os.path.samestat(os.fstat(handle), path.stat()):
+            break
+        os.close(handle)  # its last holder removed it between our opening and locking it
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(handle)
+
+
+Part = tuple[tuple[slice, ...], Mapping[str, NDArray]]
+
+
+def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Variable], parts: Iterable[Part]) -> None:
+    """Write a dataset part by part as NetCDF-4, whole or not at all, in the memory that a part takes.
+
+    skeleton: coordinates and attributes. parts: (place along the leading dimensions,
+    {variable: numbers}). The file is read back and compared before it takes the place of an older one.
+
+    Raises FileError (an input or output fault, such as a full disk) with the old file, if any, untouched.
+    """
+    temporary = target.with_name(f".{target.name}.partial")
+    size = sum(math.prod(v.shape) * v.dtype.itemsize for v in variables.values())
+    try:
+        unsigned = skeleton.assign_attrs(content_digest="0" * 64)
+        unsigned.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_encoding(skeleton))
+        written = []
+        with netCDF4.Dataset(temporary, "a") as raw:
+            raw.set_auto_maskandscale(False)
+            for place, values in parts:
+                for name, numbers in values.items():
+                    if name not in raw.variables:
+                        _create(raw, name, variables[name], numbers.shape)
+                    raw.variables[name][place or ...] = numbers
+                    written.append((name, place, _checksum(numbers)))
+        with netCDF4.Dataset(temporary) as raw:
+            raw.set_auto_maskandscale(False)
+            for name, place, checksum in written:
+                if _checksum(raw.variables[name][place or ...]) != checksum:
+                    raise OSError("what was read back differs from what was written; is the disk full?")
+        with xr.open_dataset(temporary, engine="netcdf4") as complete:
+            digest = content_digest(complete)
+        with netCDF4.Dataset(temporary, "a") as raw:
+            raw.content_digest = digest
+        with netCDF4.Dataset(temporary) as raw:
+            if raw.content_digest != digest:
+                raise OSError("the digest was not written; is the disk full?")
+        _flush(temporary)
+        os.replace(temporary, target)
+        _flush(target.parent)
+    except (OSError, RuntimeError, InputError) as fault:
+        temporary.unlink(missing_ok=True)
+        full = shutil.disk_usage(target.parent).free < 2 * size  # the library does not say so
+        words = "no space left on the disk" if full else getattr(fault, "strerror", None) or str(fault)
+        raise FileError(f"{target}: cannot be written: {words}") from None
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _checksum(numbers: NDArray) -> int:
+    return zlib.crc32(np.ascontiguousarray(numbers).tobytes())
+
+
+def _create(raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int, ...]) -> None:
+    """A variable in an open file, stored with checksums in chunks that a part of this shape fills."""
+    for dimension, size in zip(variable.dims, variable.shape, strict=True):
+        if dimension not in raw.dimensions:
+            raw.createDimension(dimension, size)
+    chunk = list(part)
+    while math.prod(chunk) * variable.dtype.itemsize > CHUNK:
+        longest = next(axis for axis, size in enumerate(chunk) if size > 1)
+        chunk[longest] = -(-chunk[longest] // 2)
+    created = raw.createVariable(
+        name,
+        variable.dtype,
+        variable.dims,
+        fletcher32=bool(chunk),
+        chunksizes=chunk or None,
+        fill_value=np.nan if variable.dtype.kind == "f" else False,
+    )
+    created.set_auto_maskandscale(False)
+    created.setncatts(variable.attributes)
+
+
 def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Write a labelled dataset as NetCDF-4, whole or not at all; returns the path.
 
@@ -72,27 +182,15 @@ def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: b
     fault, such as a full disk) with the old file, if any, untouched.
     """
     target = check_target(path, overwrite)
-    temporary = target.with_name(f".{target.name}.partial")
-    digest = content_digest(dataset)
-    try:
-        dataset.assign_attrs(content_digest=digest).to_netcdf(
-            temporary, engine="netcdf4", format="NETCDF4", encoding=_encoding(dataset)
+    plain = {str(k): v for k, v in dataset.data_vars.items() if v.dtype.kind not in "OUS"}
+    variables = {name: Variable(tuple(map(str, v.dims)), v.shape, v.dtype, dict(v.attrs)) for name, v in plain.items()}
+    with lock(target):
+        write_blocks(
+            target,
+            dataset.drop_vars(plain),
+            variables,
+            (((), {name: v.values}) for name, v in plain.items()),
         )
-        with xr.open_dataset(temporary, engine="netcdf4") as written:
-            found = content_digest(written.load())
-        if found != digest:
-            raise OSError("what was read back differs from what was written; is the disk full?")
-        _flush(temporary)
-        os.replace(temporary, target)
-        _flush(target.parent)
-    except (OSError, RuntimeError) as fault:
-        temporary.unlink(missing_ok=True)
-        full = shutil.disk_usage(target.parent).free < 2 * dataset.nbytes  # the library does not say so
-        words = "no space left on the disk" if full else getattr(fault, "strerror", None) or str(fault)
-        raise FileError(f"{target}: cannot be written: {words}") from None
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
     return target
 
 
@@ -102,6 +200,13 @@ def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises InputError for a missing or foreign file, a newer schema, or a content that does not match
     the digest stored in it.
     """
+    with opened(path) as lazy:
+        return lazy.load()
+
+
+@contextlib.contextmanager
+def opened(path: str | os.PathLike[str]) -> Iterator[xr.Dataset]:
+    """A result of freqrail, checked as `open_result` does, whose numbers are read as they are used."""
     source = Path(path)
     if "://" in str(path):
         raise InputError(f"{path}: only local files are read")
@@ -115,21 +220,22 @@ def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
         raise InputError(f"{source}: cannot be read: {fault.strerror}") from None
     if not head.startswith(_MAGIC):
         raise InputError(f"{source}: is not a NetCDF file" + (" (it is empty)" if not head else ""))
-    try:
-        with netCDF4.Dataset(source) as raw:
-            _check_head(raw, source)
-        with xr.open_dataset(source, engine="netcdf4") as lazy:
-            dataset = lazy.load()
-    except InputError:
-        raise
-    except Exception as fault:  # a damaged file raises whatever the layers below happen to hit
-        raise InputError(f"{source}: damaged, cannot be read as NetCDF ({type(fault).__name__})") from None
-    if content_digest(dataset) != dataset.attrs["content_digest"]:
-        raise InputError(
-            f"{source}: changed since freqrail wrote it, or damaged: its content does not match its digest; "
-            "compute it anew"
-        )
-    return dataset
+    with contextlib.ExitStack() as stack:
+        try:
+            with netCDF4.Dataset(source) as raw:
+                _check_head(raw, source)
+            dataset = stack.enter_context(xr.open_dataset(source, engine="netcdf4", cache=False))
+            found = content_digest(dataset)
+        except InputError:
+            raise
+        except Exception as fault:  # a damaged file raises whatever the layers below happen to hit
+            raise InputError(f"{source}: damaged, cannot be read as NetCDF ({type(fault).__name__})") from None
+        if found != dataset.attrs["content_digest"]:
+            raise InputError(
+                f"{source}: changed since freqrail wrote it, or damaged: its content does not match its digest; "
+                "compute it anew"
+            )
+        yield dataset
 
 
 def _check_head(raw: netCDF4.Dataset, source: Path) -> None:

@@ -13,11 +13,12 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case import Case
-from freqrail.dataset import MODELS, band_text, first_failures
+from freqrail.dataset import MODELS, first_failures
 from freqrail.evidence import band_note, problems
 from freqrail.evidence import records as confirmation_records
 from freqrail.modal import modes
 from freqrail.names import PARAMETERS, RESPONSES
+from freqrail.plan import band_text
 from freqrail.points import Point, axis_label, confirmed_point, locate, swept
 from freqrail.quantities import shown_value
 from freqrail.track import band_limits, standard_deviation

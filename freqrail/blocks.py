@@ -1,0 +1,106 @@
+"""A sweep cut into blocks, each a part of the grid along every axis but speed, computed one by one.
+
+The bits of a block do not depend on how the grid is cut, nor on where and in which order blocks are computed: the
+quadrature nodes are those of the whole grid. So blocks can be kept in a journal, and sent to other machines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail import dataset, grid
+from freqrail.plan import Plan
+
+POINTS = 250_000
+"""Most grid points of a block; with spectra, points times frequencies."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of a model's grid. cell: along the axes of `grid.Study.vehicle`; place: along the swept parameters."""
+
+    prefix: str
+    cell: tuple[slice, ...]
+    place: tuple[slice, ...]
+
+    @property
+    def key(self) -> str:
+        """A name that tells the block from all others of the sweep."""
+        return self.prefix + ",".join(f"{part.start}:{part.stop}" for part in self.cell)
+
+
+def cut(plan: Plan) -> list[Block]:
+    """All blocks of a sweep, in the order to compute them."""
+    result = []
+    for prefix, study in plan.studies.items():
+        lines = plan.frequency.si.size if plan.frequency is not None else 1
+        swept = [axis.name for axis in plan.axes(prefix)]
+        for cell in grid.cells(study.vehicle.shape, max(1, POINTS // (study.speed.size * lines))):
+            place = list(cell)
+            if "speed" in swept:
+                place.insert(swept.index("speed"), slice(0, study.speed.size))
+            result.append(Block(prefix, cell, tuple(place)))
+    return result
+
+
+def points(plan: Plan, block: Block) -> int:
+    """Grid points that `progress` is told of while a block is computed."""
+    inside = math.prod(part.stop - part.start for part in block.cell) * plan.studies[block.prefix].speed.size
+    return inside * (2 if plan.frequency is not None else 1)
+
+
+def nodes(plan: Plan) -> dict[str, grid.SharedNodes | None]:
+    """The quadrature nodes of both models' whole grids, for `compute`."""
+    return {prefix: grid.shared_nodes(study) for prefix, study in plan.studies.items()}
+
+
+def compute(
+    plan: Plan,
+    block: Block,
+    shared: Mapping[str, grid.SharedNodes | None],
+    jobs: int = 1,
+    progress: grid.Progress = lambda points: None,
+) -> dict[str, NDArray]:
+    """The numbers of a block by variable, in the order of the variable's dimensions."""
+    whole = plan.studies[block.prefix]
+    study = replace(whole, vehicle=grid.cut(whole.vehicle, block.cell))
+    solution = grid.solve(study, jobs, progress, shared[block.prefix])
+    spectra = grid.psd(study, plan.frequency.si, progress) if plan.frequency is not None else None
+    return dataset.arrays(plan, block.prefix, solution, spectra)
+
+
+def pack(plan: Plan, block: Block, values: Mapping[str, NDArray]) -> bytes:
+    """The numbers of a block as bytes, little-endian, in the order of `block_variables`."""
+    return b"".join(
+        np.ascontiguousarray(values[name], dtype=variable.dtype.newbyteorder("<")).tobytes()
+        for name, variable in block_variables(plan, block).items()
+    )
+
+
+def unpack(plan: Plan, block: Block, data: bytes) -> dict[str, NDArray]:
+    """The numbers of a block from `pack`. Raises ValueError if there are too few or too many."""
+    result, start = {}, 0
+    for name, variable in block_variables(plan, block).items():
+        count = math.prod(variable.shape)
+        little = variable.dtype.newbyteorder("<")
+        result[name] = np.frombuffer(data, little, count, start).reshape(variable.shape)
+        start += count * little.itemsize
+    if start != len(data):
+        raise ValueError(f"a block of {len(data)} bytes where {start} are due")
+    return result
+
+
+def block_variables(plan: Plan, block: Block) -> dict[str, dataset.Variable]:
+    """The variables that a block holds a part of, with the part's shape, in the order of the file."""
+    size = tuple(part.stop - part.start for part in block.place)
+    described = dataset.variables(plan)
+    return {
+        name: replace(variable, shape=(*size, *variable.shape[len(size) :]))
+        for name, variable in described.items()
+        if name.startswith("traditional_") == bool(block.prefix)
+    }

@@ -1,0 +1,148 @@
+"""What a sweep computes: the numerical studies of both models, their axes, and what they will take."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from freqrail import grid
+from freqrail.case import Case
+from freqrail.errors import FreqrailWarning, InputError
+from freqrail.modal import modes
+from freqrail.names import JOINTS, RESPONSES, suggestion
+from freqrail.quantities import Axis
+from freqrail.track import Band, band_limits
+
+PSD_POINTS = 400
+PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
+COPIES = 3  # how many times a result stands in memory at most, while it is labelled
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a sweep computes and stores: the numerical studies by model prefix, and the axes of each."""
+
+    case: Case
+    names: tuple[str, ...]
+    frequency: Axis | None
+    studies: Mapping[str, grid.Study]
+
+    @classmethod
+    def of(cls, case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Plan:
+        """The plan of a checked case. Raises InputError for an unknown response."""
+        names = response_names(responses)
+        frequency = (case.frequency or _default_frequency(case)) if psd else None
+        return cls(
+            case=case,
+            names=names,
+            frequency=frequency,
+            studies={
+                prefix: grid.Study(
+                    vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
+                    speed=part.speeds(),
+                    spectrum=part.spectrum,
+                    band=part.band,
+                    names=names,
+                )
+                for prefix, part in (("", case), ("traditional_", without_joints(case)))
+            },
+        )
+
+    def axes(self, prefix: str) -> tuple[Axis, ...]:
+        """The swept parameters of a model, in the order given: the traditional one lacks the joints'."""
+        return self.case.axes if not prefix else without_joints(self.case).axes
+
+    @property
+    def points(self) -> int:
+        """Number of grid points of the joint model."""
+        return math.prod(self.studies[""].shape)
+
+    @property
+    def work(self) -> int:
+        """Grid points that `progress` is told of in all: both models, spectra counted again."""
+        once = sum(math.prod(study.shape) for study in self.studies.values())
+        return once * (2 if self.frequency is not None else 1)
+
+    @property
+    def stored_bytes(self) -> int:
+        """Size of the dataset's numbers in bytes."""
+        series = sum(max(1, len(RESPONSES[name].positions)) for name in self.names)
+        lines = self.frequency.si.size if self.frequency is not None else 0
+        values = sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.studies.values())
+        return values + 6_000 * len(self.names) + 2 * len(self.case.text) + 50_000  # what HDF5 and attributes take
+
+    def seconds(self, jobs: int) -> float:
+        """Estimated wall time of the sweep in s, from timing a first block of each model."""
+        return sum(grid.seconds(study, jobs) for study in self.studies.values())
+
+
+def check_memory(plan: Plan) -> None:
+    """Raise InputError before anything is allocated that the machine's memory cannot hold."""
+    needed = COPIES * plan.stored_bytes
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else math.inf
+    if needed > memory:
+        raise InputError(
+            f"the grid is too large for this machine: {needed / 1e9:.3g} GB needed, {memory / 1e9:.3g} GB of memory; "
+            "use fewer values or responses, or leave out the spectra"
+        )
+
+
+def warn_of_rigid_rail(case: Case) -> None:
+    """Warn where the band takes in the wheelsets' resonance on the contact spring, which a real track does not have."""
+    try:
+        wheelset = max(modes(case.vehicle), key=lambda mode: mode.damped_frequency)
+    except InputError:
+        return  # numbers that overflow: the points' status says so
+    frequency = wheelset.damped_frequency
+    reached = case.band is None or band_limits(case.band, case.speeds()).max() > 2 * np.pi * frequency
+    if reached:
+        warnings.warn(
+            f"{case.name}: the band ({band_text(case.band)}) takes in the wheelsets' resonance on the rigid rail, "
+            f"{frequency:.0f} Hz with a damping ratio of {wheelset.damping_ratio:.1e}, which no real track has; "
+            'to leave it out: --set "frequency=0.1:100 Hz"',
+            FreqrailWarning,
+            stacklevel=3,
+        )
+
+
+def response_names(responses: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of responses from "paper", "all", "NAME,NAME" or a sequence of names, in the table's order."""
+    if responses == "paper":
+        return tuple(name for name, response in RESPONSES.items() if response.paper)
+    if responses == "all":
+        return tuple(RESPONSES)
+    wanted = [part.strip() for part in responses.split(",")] if isinstance(responses, str) else list(responses)
+    unknown = [name for name in wanted if name not in RESPONSES]
+    if unknown or not wanted:
+        known = ("paper", "all", *RESPONSES)
+        raise InputError(*(f"--responses: unknown response {name!r}{suggestion(name, known)}" for name in unknown))
+    return tuple(name for name in RESPONSES if name in wanted)
+
+
+def without_joints(case: Case) -> Case:
+    """The case without its joint axes, as the traditional model takes it."""
+    return replace(case, axes=tuple(axis for axis in case.axes if axis.name not in JOINTS))
+
+
+def _default_frequency(case: Case) -> Axis:
+    """Frequencies of stored spectra: log-spaced over the band, over all speeds' bands if by wavelength."""
+    low, high = PSD_RANGE
+    if case.band is not None:
+        limits = band_limits(case.band, case.speeds()) / (2 * np.pi)
+        low, high = float(limits.min()), float(limits.max())
+    values = np.geomspace(low, high, PSD_POINTS)
+    return Axis("frequency", values, "Hz", values, f"log:{low:g}:{high:g}:{PSD_POINTS} Hz")
+
+
+def band_text(band: Band | None) -> str:
+    """A band in words: "0.1 to 100 Hz", "wavelengths 1 to 200 m" or "whole axis"."""
+    if band is None:
+        return "whole axis"
+    if band.kind == "frequency":
+        return f"{band.low:g} to {band.high:g} Hz"
+    return f"wavelengths {band.low:g} to {band.high:g} m"
