@@ -126,8 +126,8 @@ def _contradictions(grid: xr.Dataset) -> list[Block]:
         items.append(
             f"**Car body and {joint.split('_')[0]} joint ({section} 1b against 1e and 1g).** A value that falls "
             "towards another as the joint stiffens lies above it all the way; yet it is said to lie below the "
-            f"traditional one at low speed. Computed, it lies below at {under} of {slow.size} points of low speed (departure "
-            f"{extent(slow)}), and with the stiffest joint it is still {extent(last)} off."
+            f"traditional one at low speed. Computed, it lies below at {under} of {slow.size} points of low "
+            f"speed (departure {extent(slow)}), and with the stiffest joint it is still {extent(last)} off."
         )
     primary = judging.scan(grid, CAR, PRIMARY)
     fast = abs(high(primary.departure))

@@ -16,9 +16,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from freqrail.campaign import sweep
 from freqrail.case import Case, load_case
 from freqrail.claims import PAPER_POINT, PAPER_SPEED
-from freqrail.dataset import MODELS, attributes, sweep
+from freqrail.dataset import MODELS, attributes
 from freqrail.judging import OTHER_JOINT
 from freqrail.names import AXLES, JOINTS, RESPONSES
 from freqrail.realisation import fixed_amplitudes, spectral_lines, stream

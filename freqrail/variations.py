@@ -17,9 +17,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import printed
+from freqrail.campaign import sweep
 from freqrail.case import Case
 from freqrail.claims import judge_all
-from freqrail.dataset import sweep
 from freqrail.errors import FreqrailWarning
 from freqrail.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places
 from freqrail.names import JOINTS, RESPONSES
