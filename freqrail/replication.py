@@ -10,7 +10,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from freqrail import document, studies, variations
+from freqrail import document, studies, time_variations, variations
 from freqrail.claims import judge_all
 from freqrail.errors import FileError, InputError
 from freqrail.judging import VERDICTS, Finding
@@ -29,6 +29,7 @@ _DATASETS: dict[str, Callable[[], xr.Dataset]] = {
     "dampers": studies.dampers,
 }
 _FIGURES = 10
+SECONDS_A_STEP = 100.0  # simulated, that progress counts as one step
 LEFT_OUT = "This run left out the variations in the time domain (--quick)."
 
 Progress = Callable[[int], object]
@@ -52,7 +53,8 @@ class Replication:
 
 def steps(quick: bool = False) -> int:
     """How many steps `replicate` tells its `progress` of."""
-    return len(_DATASETS) + variations.count_in_frequency() + _FIGURES
+    simulated = 0 if quick else round(time_variations.simulated_seconds() / SECONDS_A_STEP)
+    return len(_DATASETS) + variations.count_in_frequency() + simulated + _FIGURES
 
 
 def replicate(
@@ -72,7 +74,10 @@ def replicate(
         datasets[name] = make()
         progress(1)
     findings = judge_all(datasets)
-    varied = variations.in_frequency(datasets["grid"], studies.study_case(), progress)
+    case = studies.study_case()
+    varied = variations.in_frequency(datasets["grid"], case, progress)
+    if not quick:
+        varied += time_variations.in_time(datasets["grid"], case, _whole_steps(progress))
     drawn = pictures(datasets)
     partial = target.with_name(f".{target.name}.partial")
     try:
@@ -90,6 +95,21 @@ def replicate(
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return Replication(datasets, findings, varied, target)
+
+
+def _whole_steps(progress: Progress) -> Callable[[float], None]:
+    """Turns simulated seconds into steps of `progress`."""
+    simulated, told = 0.0, 0
+
+    def advance(seconds: float) -> None:
+        nonlocal simulated, told
+        simulated += seconds
+        steps = int(simulated / SECONDS_A_STEP)
+        if steps > told:
+            progress(steps - told)
+            told = steps
+
+    return advance
 
 
 def _check(target: Path, default: bool) -> Path:

@@ -8,7 +8,7 @@ variations in the frequency domain are here, those in time in `procedures`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -168,8 +168,3 @@ def _as_printed(exact: xr.Dataset, case: Case) -> Variation:
 
 def _list(values: xr.DataArray) -> str:
     return ", ".join(f"{float(value):g}" for value in values)
-
-
-def selected(dataset: xr.Dataset, speeds: Sequence[float]) -> xr.Dataset:
-    """The dataset at some of its speeds."""
-    return dataset.sel(speed=list(speeds))

@@ -1,0 +1,146 @@
+"""Why the paper may differ, in time: its claims judged over RMS values that a run of 20 s from rest reports.
+
+Every variation runs the stiffnesses of the paper's two scans and the softest and stiffest pair over a choice of speeds;
+it is compared with the exact result at the same points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from freqrail.case import Case
+from freqrail.claims import judge_all
+from freqrail.judging import OTHER_JOINT, Finding
+from freqrail.names import JOINTS
+from freqrail.procedures import DURATION, Procedure, run
+from freqrail.timedomain import SERIES_COUNT
+from freqrail.track import Band, band_limits
+from freqrail.variations import Variation, relabelled
+
+SPEEDS = (100.0, 120.0, 150.0, 180.0, 200.0, 220.0, 250.0, 280.0, 300.0)  # km/h
+RECORDS = 4  # tracks that an exact run is repeated on, to tell a procedure from its luck
+
+Progress = Callable[[float], object]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A procedure and what it is called in the report; `joint_from` takes the joint model's runs of another trial."""
+
+    name: str
+    procedure: Procedure
+    joint_from: str = ""
+
+
+_REST = "20 s from rest, smooth track, exact integration"
+_RUNGE = "20 s from rest, linear interpolation, Runge-Kutta with default tolerances"
+
+TRIALS: tuple[tuple[str, Trial], ...] = (
+    ("run from rest", Trial(_REST, Procedure(records=RECORDS))),
+    ("run from rest", Trial("the same, vehicle set down on uneven track", Procedure(start="jump", records=RECORDS))),
+    (
+        "run from rest",
+        Trial("the same, each vehicle on a track of its own", Procedure(own_track=True, records=RECORDS)),
+    ),
+    ("interpolation", Trial("the same, track linear over 1 ms", Procedure(interpolation="linear", records=RECORDS))),
+    (
+        "integrator",
+        Trial("20 s from rest, smooth track, Runge-Kutta with default tolerances", Procedure("rk45", "rk45")),
+    ),
+    ("integrator", Trial(_RUNGE, Procedure("rk45", "rk45", "linear"))),
+    (
+        "two integrators",
+        Trial("exact for joints, Newmark at 1 ms for the traditional model", Procedure(traditional="newmark"), _REST),
+    ),
+    (
+        "two integrators",
+        Trial(
+            "linear interpolation, Runge-Kutta for joints, Newmark for the traditional model",
+            Procedure(traditional="newmark", interpolation="linear"),
+            _RUNGE,
+        ),
+    ),
+)
+"""(question, trial) in the report's order."""
+
+
+def in_time(exact: xr.Dataset, case: Case, progress: Progress = lambda seconds: None) -> list[Variation]:
+    """The variations in time. progress: called with the simulated seconds just done, of `simulated_seconds` in all."""
+    exact = exact.sel(speed=list(SPEEDS))
+    pairs = _pairs(exact)
+    vehicles = [case.vehicles().at(pair) for pair in pairs]
+    values: dict[str, NDArray[np.float64]] = {}
+    found = []
+    for group, trial in TRIALS:
+        joint = values.get(trial.joint_from)
+        some = [*([] if trial.joint_from else vehicles), case.vehicle.traditional()]
+        limits = band_limits(case.band or Band("frequency", 0.1, 100.0), case.speed) / (2 * np.pi)
+        fresh = run(
+            trial.procedure,
+            some,
+            case.spectrum,
+            np.array(SPEEDS) / 3.6,
+            (float(limits[0]), float(limits[1])),
+            progress=progress,
+        )
+        if joint is None:
+            joint = values[trial.name] = fresh[:-1]
+        found.append(_variation(group, trial.name, exact, pairs, joint, fresh[-1]))
+    return found
+
+
+def simulated_seconds() -> float:
+    """Seconds that `in_time` simulates."""
+    runs = sum((1 if trial.joint_from else 14) * trial.procedure.records for _, trial in TRIALS)
+    return DURATION * len(SPEEDS) * runs
+
+
+def _pairs(exact: xr.Dataset) -> list[tuple[int, int]]:
+    """Places on the joints' axes of both scans, and of the softest and the stiffest pair."""
+    primary, secondary = (exact[name].values for name in JOINTS)
+    kept = [list(axis).index(OTHER_JOINT) for axis in (primary, secondary)]
+    scans = {(i, kept[1]) for i in range(primary.size)} | {(kept[0], j) for j in range(secondary.size)}
+    return sorted(scans | {(0, 0), (primary.size - 1, secondary.size - 1)})
+
+
+def _variation(
+    group: str,
+    name: str,
+    exact: xr.Dataset,
+    pairs: Sequence[tuple[int, int]],
+    joint: NDArray[np.float64],
+    rigid: NDArray[np.float64],
+) -> Variation:
+    """joint: [pairs, series, speeds, records]; rigid: [series, speeds, records]."""
+    records = min(joint.shape[-1], rigid.shape[-1])
+    judged: list[Mapping[str, Finding]] = []
+    first = None
+    for record in range(records):
+        grid = np.full((*(exact.sizes[key] for key in JOINTS), SERIES_COUNT, len(SPEEDS)), np.nan)
+        for pair, values in zip(pairs, joint[..., record], strict=True):
+            grid[pair] = values
+        varied = relabelled(exact, grid, rigid[..., record])
+        first = varied if first is None else first
+        judged.append(judge_all({"grid": varied}))
+    assert first is not None
+    simulated = first["bogie_acceleration_rms"].notnull()
+    same_points = exact.copy()
+    for key in first.data_vars:
+        if not str(key).startswith("traditional_"):
+            mask = first[key].notnull().transpose(*exact[key].dims)
+            same_points[key] = exact[key].where(mask)
+    ratio = (first["bogie_acceleration_rms"] / exact["bogie_acceleration_rms"]).where(simulated)
+    rigid_ratio = first["traditional_bogie_acceleration_rms"] / exact["traditional_bogie_acceleration_rms"]
+    note = (
+        f"bogie RMS over the exact one: {float(ratio.min()):.2f} to {float(ratio.max()):.2f} with joints, "
+        f"{float(rigid_ratio.min()):.2f} to {float(rigid_ratio.max()):.2f} without"
+    )
+    if records > 1:
+        torn = [key for key in judged[0] if len({each[key].verdict for each in judged}) > 1]
+        note += f"; over {records} tracks the verdict varies for {len(torn)} claims ({', '.join(torn) or 'none'})"
+    return Variation(group, name, judged[0], judge_all({"grid": same_points}), note)
