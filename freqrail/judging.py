@@ -360,8 +360,13 @@ def _regions(true: xr.DataArray) -> str:
         if bool(line.any()):
             by_speeds.setdefault(_ranges(line) if line.ndim else "", []).append(_label(true, rows[0], i))
     # the unit once: "1, 5 MN/m" rather than "1 MN/m, 5 MN/m"
-    groups = {speeds: " and ".join(labels).replace(" MN/m and", " and") for speeds, labels in by_speeds.items()}
+    groups = {speeds: _listed(labels) for speeds, labels in by_speeds.items()}
     return "; ".join(f"{labels} at {speeds}" if speeds else labels for speeds, labels in groups.items())
+
+
+def _listed(labels: list[str]) -> str:
+    *first, last = labels
+    return f"{', '.join(label.removesuffix(_UNITS['stiffness']) for label in first)} and {last}" if first else last
 
 
 def _ranges(line: xr.DataArray) -> str:
