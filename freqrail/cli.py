@@ -304,7 +304,7 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
         "seconds": time.perf_counter() - start,
         "claims": counts,
         "findings": {key: found.verdict for key, found in done.findings.items()},
-        "variations": [{"group": v.group, "name": v.name, "changed": v.changed} for v in done.variations],
+        "variations": [{"group": v.group, "name": v.name, "changed": sorted(v.changed)} for v in done.variations],
     }
     _report(
         facts,

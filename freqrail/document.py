@@ -123,6 +123,7 @@ def anchor(text: str) -> str:
 
 def _inline(text: str) -> str:
     text = html.escape(text)
+    text = re.sub(r"(?<=\d) (?=(?:%|[kMG]?N/m|km/h|Hz|m?s)(?![\w²]))", "&nbsp;", text)  # a number stays with its unit
     text = re.sub(r"\*\*(.+?)\*\*", r"<strong>\1</strong>", text)
     text = re.sub(r"`(.+?)`", r"<code>\1</code>", text)
     return re.sub(r"\[([^\]]+)\]\(([^)]+)\)", r'<a href="\2">\1</a>', text)
@@ -151,6 +152,7 @@ h1 { font-size: 1.6rem; line-height: 1.25; } h2 { font-size: 1.3rem; margin-top:
 code { font-size: .9em; background: #f2f2f2; padding: 0 .2em; overflow-wrap: anywhere; }
 table { border-collapse: collapse; width: 100%; font-size: .875rem; margin: 1rem 0; }
 th, td { text-align: left; vertical-align: top; padding: .35rem .5rem; border-bottom: 1px solid #ddd; }
+td:first-child { white-space: nowrap; }
 th { border-bottom: 2px solid #888; }
 td.is-holds { color: #00613f; font-weight: 600; } td.is-holds-partly { color: #7a5200; font-weight: 600; }
 td.is-does-not-hold { color: #a3260f; font-weight: 600; }
@@ -159,6 +161,7 @@ figure { margin: 1.5rem 0; } figcaption { font-size: .875rem; color: #444; }
 @media (max-width: 44rem) {
   thead { display: none; }
   tr { display: block; padding: .5rem 0; border-bottom: 2px solid #bbb; }
+  td, td:first-child { white-space: normal; }
   td { display: block; border: 0; padding: .1rem 0; overflow-wrap: anywhere; }
   td:empty { display: none; }
   td::before { content: attr(data-head) ": "; color: #666; font-weight: 400; }

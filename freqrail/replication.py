@@ -86,7 +86,7 @@ def replicate(
         for name, dataset in datasets.items():
             write_result(dataset, partial / f"{name}.nc")
         draw_all(drawn, partial, progress)
-        blocks = compose(datasets, findings, varied, drawn, LEFT_OUT if quick else "")
+        blocks = compose(datasets, findings, varied, drawn, case.vehicle, LEFT_OUT if quick else "")
         (partial / "report.md").write_text(document.markdown(blocks), encoding="utf-8")
         (partial / "report.html").write_text(document.web_page(blocks, partial), encoding="utf-8")
         _swap(partial, target)

@@ -23,7 +23,8 @@ from freqrail.track import Band, band_limits
 from freqrail.variations import Variation, relabelled
 
 SPEEDS = (100.0, 120.0, 150.0, 180.0, 200.0, 220.0, 250.0, 280.0, 300.0)  # km/h
-RECORDS = 4  # tracks that an exact run is repeated on, to tell a procedure from its luck
+NAIVE_RECORDS = 2  # tracks of the slow run that has every habit at once
+RECORDS = 8  # tracks that an exact run is repeated on, to tell a procedure from its luck
 
 Progress = Callable[[float], object]
 
@@ -38,6 +39,7 @@ class Trial:
 
 
 _REST = "20 s from rest, smooth track, exact integration"
+_SET_DOWN = "set down on uneven track, linear interpolation, Runge-Kutta for joints, Newmark for the traditional model"
 _RUNGE = "20 s from rest, linear interpolation, Runge-Kutta with default tolerances"
 
 TRIALS: tuple[tuple[str, Trial], ...] = (
@@ -64,6 +66,10 @@ TRIALS: tuple[tuple[str, Trial], ...] = (
             Procedure(traditional="newmark", interpolation="linear"),
             _RUNGE,
         ),
+    ),
+    (
+        "all of the paper's words",
+        Trial(_SET_DOWN, Procedure("rk45", "newmark", "linear", "jump", records=NAIVE_RECORDS)),
     ),
 )
 """(question, trial) in the report's order."""
@@ -141,6 +147,5 @@ def _variation(
         f"{float(rigid_ratio.min()):.2f} to {float(rigid_ratio.max()):.2f} without"
     )
     if records > 1:
-        torn = [key for key in judged[0] if len({each[key].verdict for each in judged}) > 1]
-        note += f"; over {records} tracks the verdict varies for {len(torn)} claims ({', '.join(torn) or 'none'})"
-    return Variation(group, name, judged[0], judge_all({"grid": same_points}), note)
+        note += f" (first of {records} tracks)"
+    return Variation(group, name, judged, judge_all({"grid": same_points}), note)

@@ -8,8 +8,8 @@ variations in the frequency domain are here, those in time in `procedures`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -47,35 +47,40 @@ Progress = Callable[[int], object]
 class Variation:
     """One other way to get the paper's numbers, and what the claims come to in it.
 
-    group: the question it answers. name: what differs. findings and exact: by claim, in the variation and in the exact
-    dataset at the same points. note: what else was found.
+    group: the question it answers. name: what differs. tracks: findings by claim, of every track that it was run on
+    (one entry if no track was drawn). exact: the same in the exact dataset at the same points. note: what else was
+    found. possible: whether the paper's whole study can be run this way.
     """
 
     group: str
     name: str
-    findings: Mapping[str, Finding]
+    tracks: Sequence[Mapping[str, Finding]]
     exact: Mapping[str, Finding]
     note: str = ""
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    possible: bool = True
 
     @property
-    def changed(self) -> list[str]:
-        """Keys of the claims whose verdict differs from the exact one."""
-        return [key for key, found in self.findings.items() if found.verdict != self.exact[key].verdict]
+    def changed(self) -> dict[str, list[str]]:
+        """By claim, the verdicts that differ from the exact one, one a track on which it does."""
+        other = {
+            key: [t[key].verdict for t in self.tracks if t[key].verdict != e.verdict] for key, e in self.exact.items()
+        }
+        return {key: verdicts for key, verdicts in other.items() if verdicts}
 
     @property
-    def mended(self) -> list[str]:
-        """Keys of the claims that do not hold in the exact dataset, and hold here at least partly."""
-        return [key for key in self.changed if self.exact[key].verdict == FAILS]
-
-    def count(self, verdict: str) -> int:
-        """How many claims come to a verdict."""
-        return sum(found.verdict == verdict for found in self.findings.values())
+    def mended(self) -> dict[str, int]:
+        """By claim that does not hold in the exact dataset: on how many tracks it holds at least partly."""
+        return {key: len(verdicts) for key, verdicts in self.changed.items() if self.exact[key].verdict == FAILS}
 
     @property
-    def holding(self) -> int:
-        """How many claims hold."""
-        return self.count(HOLDS)
+    def lost(self) -> dict[str, int]:
+        """By claim that holds in the exact dataset: on how many tracks it does not hold at all."""
+        failed = {key: verdicts.count(FAILS) for key, verdicts in self.changed.items()}
+        return {key: count for key, count in failed.items() if count and self.exact[key].verdict == HOLDS}
+
+    def count(self, verdict: str) -> float:
+        """How many claims come to a verdict, on average over the tracks."""
+        return sum(found.verdict == verdict for track in self.tracks for found in track.values()) / len(self.tracks)
 
 
 def in_frequency(exact: xr.Dataset, case: Case, progress: Progress = lambda done: None) -> list[Variation]:
@@ -84,7 +89,7 @@ def in_frequency(exact: xr.Dataset, case: Case, progress: Progress = lambda done
     found: list[Variation] = []
 
     def add(group: str, name: str, findings: Mapping[str, Finding], note: str = "") -> None:
-        found.append(Variation(group, name, findings, base, note))
+        found.append(Variation(group, name, [findings], base, note))
         progress(1)
 
     for tread, (factor, exponent) in TREADS.items():
@@ -163,7 +168,8 @@ def _as_printed(exact: xr.Dataset, case: Case) -> Variation:
         f"K_pd = {_list(part[primary])} MN/m, K_sd = {_list(part[secondary])} MN/m"
     )
     found, base = (judge_all({"grid": dataset.sel(part)}) for dataset in (varied, exact))
-    return Variation("eq. (4) as printed", "both signs as printed", found, base, note)
+    possible = bool(stable.sel({secondary: OTHER_JOINT}).all() and stable.sel({primary: OTHER_JOINT}).all())
+    return Variation("eq. (4) as printed", "both signs as printed", [found], base, note, possible)
 
 
 def _list(values: xr.DataArray) -> str:

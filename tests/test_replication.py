@@ -13,6 +13,7 @@ from freqrail import cli, replication, storage
 from freqrail.claims import CLAIMS
 from freqrail.errors import FileError, InputError
 from freqrail.judging import FAILS, HOLDS, PARTLY
+from freqrail.replication_figures import draw_all, pictures
 
 COMMITTED = Path(__file__).parents[1] / "results" / "yu-damper-joint"
 
@@ -75,6 +76,22 @@ def test_the_page_opens_from_disk_with_every_figure_in_it(quick):
     page = (quick.folder / "report.html").read_text()
     assert page.count("data:image/svg+xml;base64,") == len(list(quick.folder.glob("*.svg"))) == 10
     assert not re.search(r'(src|href)="(?!data:|#)', page)
+
+
+def test_every_axis_has_a_unit_and_every_figure_says_what_to_see(quick):
+    for picture in pictures(quick.datasets):
+        assert len(picture.caption) > 60
+        for ax in picture.draw().axes:
+            assert ax.get_ylabel().endswith("]"), (picture.stem, ax.get_ylabel())
+            assert ax.get_xlabel().endswith("]") or not ax.get_xlabel()
+
+
+def test_figures_are_the_same_bytes_from_run_to_run(quick, tmp_path):
+    chosen = [picture for picture in pictures(quick.datasets) if picture.stem in ("figure-6", "joint-map")]
+    draw_all(chosen, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 4
+    for path in tmp_path.iterdir():
+        assert path.read_bytes() == (quick.folder / path.name).read_bytes(), path.name
 
 
 def test_the_committed_folder_is_small_and_complete():
