@@ -80,16 +80,19 @@ def response_rms(
     """RMS [series, speeds] of what `rows` [series, states] read off any stable model of a vehicle's four wheels.
 
     T = rows (i omega - A)^-1 B exp(-i omega tau), summed over the wheels before any modulus; quadrature on panels that
-    follow the poles.
+    follow the poles, the same nodes for all speeds.
     """
+    limits = band_limits(band, speed)
+    longest = float(wheel_lags(vehicle, speed.min())[-1])
+    everything = np.concatenate([poles, singular_points(spectrum, speed)])
+    rule = rms.quadrature(rms.panel_edges(np.unique(limits), everything, longest))
+    resolvent = 1j * rule.omega[:, None, None] * np.eye(len(model.a)) - model.a
+    transfer = rows @ np.linalg.solve(resolvent, np.broadcast_to(model.b, (rule.omega.size, *model.b.shape)))
     result = np.empty((len(rows), speed.size))
     for k, v in enumerate(speed):
-        lags = wheel_lags(vehicle, v)
-        everything = np.concatenate([poles, singular_points(spectrum, np.array([v]))])
-        rule = rms.quadrature(rms.panel_edges(band_limits(band, float(v)), everything, float(lags[-1])))
-        forcing = np.exp(-1j * np.multiply.outer(rule.omega, lags)) @ model.b.T
-        resolvent = 1j * rule.omega[:, None, None] * np.eye(len(model.a)) - model.a
-        transfer = np.linalg.solve(resolvent, forcing[..., None])[..., 0] @ rows.T
-        density = angular_psd(spectrum, rule.omega, float(v)) * rule.weights
-        result[:, k] = np.sqrt(density @ np.square(np.abs(transfer)))
+        phases = np.exp(-1j * np.multiply.outer(rule.omega, wheel_lags(vehicle, v)))
+        summed = np.einsum("nsw,nw->ns", transfer, phases)
+        inside = (rule.omega > limits[0, k]) & (rule.omega < limits[1, k])
+        density = angular_psd(spectrum, rule.omega, float(v)) * rule.weights * inside
+        result[:, k] = np.sqrt(density @ np.square(np.abs(summed)))
     return result
