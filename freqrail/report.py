@@ -184,7 +184,7 @@ def _reasons(findings: Mapping[str, Finding], variations: Sequence[Variation], v
         for v in variations
     ]
     failing = [claim for claim in CLAIMS if findings[claim.key].verdict == FAILS]
-    mended = {claim.key: [v for v in variations if claim.key in v.mended] for claim in failing}
+    mended = {claim.key: [v for v in variations if v.mended.get(claim.key)] for claim in failing}
     never = [claim for claim in failing if not mended[claim.key]]
     return [
         Heading(2, "Why the paper may differ"),
@@ -232,16 +232,19 @@ def _reading(failing: Sequence[Claim], never: Sequence[Claim], variations: Seque
     idle = [group for group in dict.fromkeys(v.group for v in variations) if not _ever(group, variations)]
     items = [f"No verdict hangs on: {', '.join(idle)}."] if idle else []
     items += [
-        f"The paper cannot have used {v.group} ({v.name}): its own grid cannot be computed that way. {v.note}."
+        f"The paper cannot have used {v.group} ({v.name}): its own grid cannot be computed that way: {v.note}."
         for v in variations
         if not v.possible
     ]
-    helpful = sorted((v for v in variations if v.possible and v.mended), key=_credit, reverse=True)
+    keys = [claim.key for claim in failing]
+    helpful = [v for v in variations if v.possible and any(key in v.mended for key in keys)]
+    helpful.sort(key=lambda v: _credit(v, keys), reverse=True)
     for place, v in enumerate(helpful[:3]):
+        mended = {key: v.mended[key] for key in keys if key in v.mended}
         lead = "The reading that explains most is" if not place else "Then comes"
         items.append(
-            f"{lead} **{v.group}: {v.name}**. It makes {len(v.mended)} of the {len(failing)} claims that fail hold at "
-            f"least partly: {_counted(v, v.mended)}. It costs {len(v.lost)} that hold otherwise"
+            f"{lead} **{v.group}: {v.name}**. It makes {len(mended)} of the {len(failing)} claims that fail hold at "
+            f"least partly: {_counted(v, mended)}. It costs {len(v.lost)} that hold otherwise"
             + (f": {_counted(v, v.lost)}." if v.lost else ".")
         )
     if not helpful:
@@ -269,9 +272,10 @@ def _ever(group: str, variations: Sequence[Variation]) -> bool:
     return any(v.changed for v in variations if v.group == group)
 
 
-def _credit(variation: Variation) -> float:
-    """Claims that a variation mends less those it loses, a claim counting by its share of tracks."""
-    return (sum(variation.mended.values()) - sum(variation.lost.values())) / len(variation.tracks)
+def _credit(variation: Variation, keys: Sequence[str]) -> float:
+    """Claims of `keys` that a variation mends less those it loses, a claim counting by its share of tracks."""
+    mended = sum(count for key, count in variation.mended.items() if key in keys)
+    return (mended - sum(variation.lost.values())) / len(variation.tracks)
 
 
 def _ringing(vehicle: Vehicle) -> str:

@@ -21,7 +21,7 @@ from freqrail.campaign import sweep
 from freqrail.case import Case
 from freqrail.claims import judge_all
 from freqrail.errors import FreqrailWarning
-from freqrail.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places
+from freqrail.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places, percent
 from freqrail.names import JOINTS, RESPONSES
 from freqrail.response import SERIES
 from freqrail.studies import CASE
@@ -119,7 +119,8 @@ def count_in_frequency() -> int:
 def _change(varied: xr.Dataset, exact: xr.Dataset) -> str:
     """In words: the largest relative change of any RMS."""
     names = [f"{prefix}{name}_rms" for prefix in ("", "traditional_") for name in IN_ORDER]
-    return f"largest change of an RMS: {max(float(abs(varied[k] / exact[k] - 1).max()) for k in names):.2%}"
+    largest = max(float(abs(varied[k] / exact[k] - 1).max()) for k in names)
+    return f"largest change of an RMS: {percent(largest, False)}"
 
 
 # --- datasets of other origin ----------------------------------------------------------------------

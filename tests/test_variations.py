@@ -60,6 +60,6 @@ def test_runs_of_both_scans_and_the_extreme_pairs_are_judged_beside_the_exact_on
     for variation in (level, newmark):
         assert len(variation.tracks) == 1
         assert set(variation.tracks[0]) == set(variation.exact)
-        assert "bogie RMS over the exact one" in variation.note
+        assert "RMS over the exact one: car body" in variation.note
     # what the joints do to the primary stroke is too large for 2 s of chance to hide
     assert level.tracks[0]["VI.A 4c"].verdict == level.exact["VI.A 4c"].verdict == HOLDS
