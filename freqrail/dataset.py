@@ -28,7 +28,7 @@ from freqrail.plan import Plan, band_text
 from freqrail.quantities import Axis
 
 SCHEMA_VERSION = 1
-PIECE = 64_000_000  # bytes of a variable that are read at once while its digest is made
+PIECE = 16_000_000  # bytes of a variable that are read at once while its digest is made
 
 MODELS = {"": "model with damper joints", "traditional_": "traditional model, rigid damper joints"}
 """Prefix of a model's variables and the words for it."""

@@ -195,3 +195,11 @@ def sampled_track(
     if ramp:
         coefficients *= smooth_step((index * step + before * step) / ramp)[:, None, None]
     return Track(coefficients, step, degree, samples, before)
+
+
+def refined(track: Track, parts: int) -> Track:
+    """A linearly interpolated track as the same straight lines on steps `parts` times shorter."""
+    c = track.coefficients
+    pieces = np.stack([c[:-1] + (c[1:] - c[:-1]) * (k / parts) for k in range(parts)], axis=1)
+    coefficients = np.concatenate([pieces.reshape(-1, *c.shape[1:]), c[-1:]])
+    return Track(coefficients, track.step / parts, 1, track.samples * parts, track.before * parts)

@@ -117,7 +117,7 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
         unsigned = skeleton.assign_attrs(content_digest="0" * 64)
         unsigned.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_encoding(skeleton))
         written = []
-        with netCDF4.Dataset(temporary, "a") as raw:
+        with _small_cache(), netCDF4.Dataset(temporary, "a") as raw:
             raw.set_auto_maskandscale(False)
             for place, values in parts:
                 for name, numbers in values.items():
@@ -125,12 +125,12 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
                         _create(raw, name, variables[name], numbers.shape)
                     raw.variables[name][place or ...] = numbers
                     written.append((name, place, _checksum(numbers)))
-        with netCDF4.Dataset(temporary) as raw:
+        with _small_cache(), netCDF4.Dataset(temporary) as raw:
             raw.set_auto_maskandscale(False)
             for name, place, checksum in written:
                 if _checksum(raw.variables[name][place or ...]) != checksum:
                     raise OSError("what was read back differs from what was written; is the disk full?")
-        with xr.open_dataset(temporary, engine="netcdf4") as complete:
+        with _small_cache(), xr.open_dataset(temporary, engine="netcdf4") as complete:
             digest = content_digest(complete)
         with netCDF4.Dataset(temporary, "a") as raw:
             raw.content_digest = digest
@@ -148,6 +148,17 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+@contextlib.contextmanager
+def _small_cache() -> Iterator[None]:
+    """Files opened here keep few chunks in memory: dozens of variables with the library's 16 MB and more add up."""
+    before = netCDF4.get_chunk_cache()
+    netCDF4.set_chunk_cache(4 * CHUNK)
+    try:
+        yield
+    finally:
+        netCDF4.set_chunk_cache(*before)
 
 
 def _checksum(numbers: NDArray) -> int:
@@ -221,6 +232,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[xr.Dataset]:
     if not head.startswith(_MAGIC):
         raise InputError(f"{source}: is not a NetCDF file" + (" (it is empty)" if not head else ""))
     with contextlib.ExitStack() as stack:
+        stack.enter_context(_small_cache())
         try:
             with netCDF4.Dataset(source) as raw:
                 _check_head(raw, source)

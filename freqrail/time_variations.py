@@ -39,7 +39,10 @@ class Trial:
 
 
 _REST = "20 s from rest, smooth track, exact integration"
-_SET_DOWN = "20 s from rest, set down on uneven track, linear interpolation, Runge-Kutta for joints, Newmark for the traditional model"
+_SET_DOWN = (
+    "20 s from rest, set down on uneven track, linear interpolation, Runge-Kutta for joints, "
+    "Newmark for the traditional model"
+)
 _RUNGE = "20 s from rest, linear interpolation, Runge-Kutta with default tolerances"
 
 TRIALS: tuple[tuple[str, Trial], ...] = (

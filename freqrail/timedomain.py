@@ -34,6 +34,7 @@ from freqrail.realisation import (
     fixed_amplitudes,
     gaussian_amplitudes,
     mean_square,
+    refined,
     sampled_track,
     spectral_lines,
     stream,
@@ -379,6 +380,49 @@ def examine(
     )
 
 
+DEFAULT_TOLERANCES = Accuracy(relative=1e-3, absolute=1e-6)
+"""What most programs integrate with unless told otherwise; `absolute` is not scaled by the states here."""
+
+
+def plain_run(
+    point: Point,
+    limits: tuple[float, float],
+    duration: float,
+    step: float,
+    interpolation: str = "linear",
+    integrator: str = "rk45",
+    accuracy: Accuracy = DEFAULT_TOLERANCES,
+    ramp: float = 0.0,
+    seed: int = 0,
+    side: Simulated | None = None,
+) -> tuple[NDArray, NDArray, NDArray]:
+    """A run as it is usually made: from rest, the track switched on at once, nothing discarded, no step limit.
+
+    limits: of the lines, Hz. duration: s, also the lines' period. step: s between the track's samples; with straight
+    lines between them, responses are kept more often, so that what the kinks excite is not mistaken for something
+    else. ramp: s over which the track rises smoothly instead. Returns (times
+    [m], responses [model, series, m], RMS of the same record's line spectrum [model, series]); NaN where a run failed.
+    For studies of what such a run reports; `examine` is what confirms.
+    """
+    side = side or time_side(point)
+    lines = spectral_lines(point.spectrum, point.speed, limits, duration)
+    record = fixed_amplitudes(lines, stream(seed, point.key, "plain run", 0))[None]
+    track = sampled_track(lines, record, side.lags, round(duration / step), 0, ramp, interpolation)
+    if interpolation == "linear":
+        track = refined(track, math.ceil(track.step * SAMPLES_A_PERIOD * limits[1]))
+    start = {name: np.zeros((len(model.a), 1)) for name, model in side.models.items()}
+    size = {name: np.ones(len(model.a)) for name, model in side.models.items()}
+    _, responses, _ = _run(
+        Plan(limits, integrator=integrator), _Prepared(track, 1, accuracy, side, start, size), _quiet
+    )
+    power = transfer_power(point, lines.frequency)
+    return track.step * np.arange(track.samples), responses, np.sqrt(mean_square(power, record))[..., 0]
+
+
+def _quiet(seconds: float) -> None:
+    """Progress that nobody watches."""
+
+
 def simulated_seconds(point: Point, plan: Plan, tighter: bool = False) -> float:
     """Seconds that `examine` simulates, a state of many columns counted once."""
     once = startup(point, plan) + plan.period
@@ -456,7 +500,9 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
     squares = np.full((len(MODELS), SERIES_COUNT, records), np.nan)
     responses = np.full((len(MODELS), SERIES_COUNT, kept), np.nan)
     failures: dict[str, str] = {}
-    for integrator, names in _groups(plan):
+    waiting = _groups(plan)
+    while waiting:
+        integrator, names = waiting.pop(0)
         model, start, size = _stacked(prepared, names)
         rows = block_diag(*(prepared.side.readout[name] for name in names))
         at = [MODELS.index(name) for name in names]
@@ -472,8 +518,11 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
                     responses[at, :, done : done + len(y)] = y[..., 0].T.reshape(len(at), SERIES_COUNT, len(y))
                     done += len(y)
         except NumericalError as fault:
-            failures |= dict.fromkeys(names, str(fault))
             responses[at] = np.nan
+            if len(names) > 1:  # one model must not take the other's numbers with it
+                waiting += [(integrator, (name,)) for name in names]
+            else:
+                failures[names[0]] = str(fault)
         else:
             squares[at] = (total / kept).reshape(len(at), SERIES_COUNT, records)
     return squares, responses, failures

@@ -245,7 +245,7 @@ def test_a_fault_at_any_step_leaves_the_old_file_and_the_finished_blocks(here, m
     storage.write_result(freqrail.sweep("yu-damper-joint", {"speed": "200 km/h"}), here / "o.nc")
     before = (here / "o.nc").read_bytes()
     # xarray shares the library's module, and asks it for types: the package gets one of its own
-    monkeypatch.setattr(storage, "netCDF4", SimpleNamespace(Dataset=storage.netCDF4.Dataset))
+    monkeypatch.setattr(storage, "netCDF4", SimpleNamespace(**vars(storage.netCDF4)))
     owner, name = steps()[step]
     real, calls = getattr(owner, name), []
 
