@@ -39,6 +39,7 @@ from freqrail.names import RESPONSES
 from freqrail.procedures import DURATION
 from freqrail.replication_figures import Picture
 from freqrail.studies import TABLE_I
+from freqrail.summary import number
 from freqrail.variations import Variation
 from freqrail.vehicle import Vehicle, poles
 
@@ -190,7 +191,9 @@ def _reasons(findings: Mapping[str, Finding], variations: Sequence[Variation], v
         Heading(2, "Why the paper may differ"),
         Paragraph(
             "What the paper does not state, and what its procedure does, varied one at a time. Each variation is "
-            "judged beside the exact result at the same points; a verdict that changes is what the variation explains."
+            "judged beside the exact result at the same points; a verdict that changes is what the variation explains. "
+            f"Judged are the {len(variations[0].exact)} claims about RMS values; of the exact ones over the whole grid "
+            f"{' / '.join(str(_count(variations[0], verdict)) for verdict in VERDICTS)} hold / hold partly / do not hold."
         ),
         Paragraph(_ringing(vehicle)),
         Table(("question", "variation", "hold / partly / not", "claims that change verdict", "what else"), rows),
@@ -216,6 +219,10 @@ def _change(variation: Variation, key: str) -> str:
     verdicts = variation.changed[key]
     after = max(VERDICTS, key=verdicts.count)
     return f"{key} {variation.exact[key].verdict} → **{after}**{_tracks(variation, len(verdicts))}"
+
+
+def _count(variation: Variation, verdict: str) -> int:
+    return sum(found.verdict == verdict for found in variation.exact.values())
 
 
 def _tracks(variation: Variation, count: int) -> str:
@@ -244,7 +251,7 @@ def _reading(failing: Sequence[Claim], never: Sequence[Claim], variations: Seque
         lead = "The reading that explains most is" if not place else "Then comes"
         items.append(
             f"{lead} **{v.group}: {v.name}**. It makes {len(mended)} of the {len(failing)} claims that fail hold at "
-            f"least partly: {_counted(v, mended)}. It costs {len(v.lost)} that hold otherwise"
+            f"least partly, up to {v.at_once(keys)} on one track: {_counted(v, mended)}. It costs {len(v.lost)} that hold otherwise"
             + (f": {_counted(v, v.lost)}." if v.lost else ".")
         )
     if not helpful:
@@ -286,7 +293,7 @@ def _ringing(vehicle: Vehicle) -> str:
         one = replace(vehicle, primary_joint_stiffness=stiffness, secondary_joint_stiffness=stiffness)
         wheelset = max(poles(one), key=lambda pole: abs(pole.imag))
         words = "rigid joints" if np.isinf(joint) else f"{joint:g} MN/m"
-        parts.append(f"{-1 / wheelset.real:.2g} s with {words}")
+        parts.append(f"{number(-1 / wheelset.real, 3)} s with {words}")
         frequency = wheelset.imag / (2 * np.pi)
     return (
         f"On a rail without give a wheelset rings on the contact spring near {abs(frequency):.0f} Hz, and a blow "

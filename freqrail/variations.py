@@ -8,7 +8,7 @@ variations in the frequency domain are here, those in time in `procedures`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,6 +71,11 @@ class Variation:
     def mended(self) -> dict[str, int]:
         """By claim that does not hold in the exact dataset: on how many tracks it holds at least partly."""
         return {key: len(verdicts) for key, verdicts in self.changed.items() if self.exact[key].verdict == FAILS}
+
+    def at_once(self, keys: Collection[str]) -> int:
+        """How many of the claims `keys` that do not hold exactly do so at least partly on one and the same track."""
+        failing = [key for key in keys if key in self.exact and self.exact[key].verdict == FAILS]
+        return max(sum(track[key].verdict != FAILS for key in failing) for track in self.tracks)
 
     @property
     def lost(self) -> dict[str, int]:

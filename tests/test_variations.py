@@ -34,6 +34,7 @@ def test_changes_are_counted_by_track():
     assert variation.changed == {"a": [HOLDS, PARTLY], "b": [FAILS], "c": [PARTLY]}
     assert variation.mended == {"a": 2}
     assert variation.lost == {"b": 1}
+    assert variation.at_once(["a", "b"]) == 1
     assert [variation.count(verdict) for verdict in (HOLDS, PARTLY, FAILS)] == [1.5, 1.0, 0.5]
 
 
