@@ -193,7 +193,8 @@ def _reasons(findings: Mapping[str, Finding], variations: Sequence[Variation], v
             "What the paper does not state, and what its procedure does, varied one at a time. Each variation is "
             "judged beside the exact result at the same points; a verdict that changes is what the variation explains. "
             f"Judged are the {len(variations[0].exact)} claims about RMS values; of the exact ones over the whole grid "
-            f"{' / '.join(str(_count(variations[0], verdict)) for verdict in VERDICTS)} hold / hold partly / do not hold."
+            f"{' / '.join(str(_count(variations[0], verdict)) for verdict in VERDICTS)} hold / hold partly / do not "
+            "hold."
         ),
         Paragraph(_ringing(vehicle)),
         Table(("question", "variation", "hold / partly / not", "claims that change verdict", "what else"), rows),
@@ -251,8 +252,8 @@ def _reading(failing: Sequence[Claim], never: Sequence[Claim], variations: Seque
         lead = "The reading that explains most is" if not place else "Then comes"
         items.append(
             f"{lead} **{v.group}: {v.name}**. It makes {len(mended)} of the {len(failing)} claims that fail hold at "
-            f"least partly, up to {v.at_once(keys)} on one track: {_counted(v, mended)}. It costs {len(v.lost)} that hold otherwise"
-            + (f": {_counted(v, v.lost)}." if v.lost else ".")
+            f"least partly, up to {v.at_once(keys)} on one track: {_counted(v, mended)}. It costs {len(v.lost)} "
+            "that hold otherwise" + (f": {_counted(v, v.lost)}." if v.lost else ".")
         )
     if not helpful:
         items.append("Nothing that was tried, and that the paper can have done, makes a failing claim hold.")
