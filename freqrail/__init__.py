@@ -28,6 +28,7 @@ _PUBLIC = {
     "write_result": "storage",
     "modes": "modal",
     "plot": "figures",
+    "replicate": "replication",
     "FreqrailError": "errors",
     "FreqrailWarning": "errors",
 }
@@ -41,6 +42,7 @@ __all__ = [
     "modes",
     "open_result",
     "plot",
+    "replicate",
     "shipped_cases",
     "sweep",
     "write_result",
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     from freqrail.errors import FreqrailError, FreqrailWarning
     from freqrail.figures import plot
     from freqrail.modal import modes
+    from freqrail.replication import replicate
     from freqrail.storage import open_result, write_result
 
 

@@ -287,6 +287,36 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 
 
 @cli.command()
+@click.option("--quick", is_flag=True, help="Leave out the variations in the time domain.")
+@click.option(
+    "-o", "--output", metavar="FOLDER", help="Folder to write or replace; results/yu-damper-joint unless given."
+)
+@_JSON
+def replicate(quick: bool, output: str | None, as_json: bool) -> None:
+    """Redo the paper's study and judge its claims: datasets, figures and a report."""
+    from freqrail import replication
+
+    start = time.perf_counter()
+    with _progress("replicate", replication.steps(quick)) as advance:
+        done = replication.replicate(output, quick, advance)
+    counts = done.counts
+    facts = {
+        "output": str(done.folder),
+        "seconds": time.perf_counter() - start,
+        "claims": counts,
+        "findings": {key: found.verdict for key, found in done.findings.items()},
+        "variations": [{"group": v.group, "name": v.name, "changed": sorted(v.changed)} for v in done.variations],
+    }
+    _report(
+        facts,
+        as_json,
+        ", ".join(f"{count} {verdict}" for verdict, count in counts.items()),
+        *([replication.LEFT_OUT] if quick else []),
+        f"written: {done.folder} (report.html, report.md, figures, datasets)",
+    )
+
+
+@cli.command()
 @click.argument("what", metavar="CASE|RESULT.nc")
 @_AT
 @_SET

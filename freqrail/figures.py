@@ -51,7 +51,7 @@ _CAR = {"front": "over the front pivot", "centre": "at the centre", "rear": "ove
 _CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
 _RIGID = 0.95  # of a panel's width, where the mark of the rigid joint begins
 
-_STYLE = {
+STYLE = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.formatter.use_mathtext": True,
@@ -102,10 +102,10 @@ def plot(
     target = _folder(Path(folder))
     title = str(dataset.attrs.get("title", dataset.attrs["case_name"]))
     # after_reset: a matplotlibrc of the user's must not change the bytes
-    with matplotlib.style.context(_STYLE, after_reset=True):
+    with matplotlib.style.context(STYLE, after_reset=True):
         paths = []
         for stem, draw in drawings.items():
-            paths.append(_save(draw(), target / f"{stem}.{format}", title))
+            paths.append(save(draw(), target / f"{stem}.{format}", title))
             progress(1)
         return paths
 
@@ -417,7 +417,7 @@ def _folder(folder: Path) -> Path:
     return folder
 
 
-def _save(figure: Figure, target: Path, title: str) -> Path:
+def save(figure: Figure, target: Path, title: str) -> Path:
     """Write a figure under a temporary name and put it in the target's place only when it is whole."""
     format = target.suffix[1:]
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(format, {})

@@ -8,12 +8,13 @@ the modes come out named, and repeated frequencies do not mix their shapes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.errors import InputError
+from freqrail.residues import modal
 from freqrail.vehicle import CHAINS, System, Vehicle, chain_system, state_space
 
 _WORDS = {
@@ -26,7 +27,7 @@ _WORDS = {
     ("bogie_pitch", "bogie"): "bogie pitch",
     ("bogie_pitch", "wheelset"): "wheelsets of a bogie opposed",
 }
-_TWICE = ("in phase", "in antiphase")  # the two bogies' pitch modes have the same poles
+_TWICE = ("bogies in phase", "bogies in antiphase")  # the two bogies' pitch modes have the same poles
 
 
 @dataclass(frozen=True)
@@ -65,20 +66,22 @@ def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
     """
     found: list[Mode] = []
     for chain in CHAINS:
-        part = _chain_modes(chain_system(vehicle, chain), chain)
+        part = _chain_modes(vehicle, chain)
         found += part if chain != "bogie_pitch" else [m for words in _TWICE for m in _renamed(part, words)]
     return tuple(sorted(found, key=lambda m: (m.damped_frequency == 0, m.natural_frequency)))
 
 
 def _renamed(modes: list[Mode], words: str) -> list[Mode]:
-    return [Mode(f"{m.name}, {words}", m.pole, m.natural_frequency, m.damping_ratio, m.shape) for m in modes]
+    return [replace(mode, name=f"{mode.name}, {words}") for mode in modes]
 
 
-def _chain_modes(system: System, chain: str) -> list[Mode]:
+def _chain_modes(vehicle: Vehicle, chain: str) -> list[Mode]:
+    system = chain_system(vehicle, chain)
     model = state_space(system)
     if not np.isfinite(model.a).all():
         raise InputError("the vehicle's numbers are too far apart for double precision: no modes")
     values, vectors = np.linalg.eig(model.a)
+    values = _polished(values, modal(vehicle, chain).poles)
     n = len(system.freedoms)
     displacement = vectors[-n:]
     # a pair is told once, by its upper pole; rounding can leave a real pole a tiny imaginary part
@@ -91,7 +94,25 @@ def _chain_modes(system: System, chain: str) -> list[Mode]:
     ]
     for k in np.flatnonzero(~oscillates):
         found.append(_mode(_relaxation(system, model.states, vectors[:, k], chain), complex(values[k].real), {}))
-    return found
+    return _told_apart(found)
+
+
+def _polished(values: NDArray[np.complex128], poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Eigenvalues, each replaced by the pole beside it: stiff joints cost the eigenvalues digits, not the poles."""
+    distance = np.abs(values[:, None] - poles)
+    nearest = np.argmin(np.where(np.isfinite(distance), distance, np.inf), axis=1)
+    beside = distance[np.arange(values.size), nearest] < 0.01 * np.abs(values)
+    return np.where(beside, poles[nearest], values)
+
+
+def _told_apart(modes: list[Mode]) -> list[Mode]:
+    """Two modes of one name, as an overdamped pair is, become a slow and a fast one."""
+    result = []
+    for mode in modes:
+        alike = [m.natural_frequency for m in modes if m.name == mode.name]
+        words = "" if len(alike) == 1 else ", slow" if mode.natural_frequency == min(alike) else ", fast"
+        result.append(replace(mode, name=mode.name + words))
+    return result
 
 
 def _owners(energy: NDArray[np.float64]) -> list[int]:

@@ -349,13 +349,24 @@ def _chain_terms(
     doubtful = [sum(abs(f) * doubts[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*doubtful), axis=-2)
     lags = LAG_SUMS[[c for _, c in rows]]
-    waves, density = _waves(p, distances, spectrum, speed)
+    # As many terms as the chain has poles, the rest zero: how many of them stand for two differs from vehicle to
+    # vehicle, and BLAS picks its order of summation by the shape of the product.
+    width = chain.poles.shape[-1]
+    weight, uncertain = (_padded(each, width, -1) for each in (weight, uncertain))
+    waves, density = _waves(p, distances, spectrum, speed, width)
     parts = np.stack([weight.real, -weight.imag], axis=-2)[..., None, :] * lags[:, None, :, None]
     value = parts.reshape(*parts.shape[:-3], -1) @ waves
     # all lagged waves of a pole are smaller than its density
     error = (uncertain * np.sum(np.abs(lags), axis=-1)[:, None]) @ density
     for row in range(len(rows)):
         yield value[..., row, :], error[..., row, :]
+
+
+def _padded(values: NDArray, width: int, axis: int) -> NDArray:
+    """The values with zeros appended along an axis up to a width."""
+    missing = [(0, 0)] * values.ndim
+    missing[axis] = (0, width - values.shape[axis])
+    return np.pad(values, missing)
 
 
 def _mirrored(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> dict[str, Number]:
@@ -387,11 +398,15 @@ def _lag_distances(vehicle: Vehicle) -> NDArray[np.float64]:
 
 
 def _waves(
-    p: NDArray[np.complex128], distances: NDArray, spectrum: RationalSpectrum, speed: NDArray[np.float64]
+    p: NDArray[np.complex128],
+    distances: NDArray,
+    spectrum: RationalSpectrum,
+    speed: NDArray[np.float64],
+    width: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """G(s) e^{s d} at poles p [grid..., k] for the lags d at every speed, and |G|, [grid..., k, speeds].
+    """G(s) e^{s d} at poles p [grid..., k] for the lags d at every speed, and |G|, [grid..., width, speeds].
 
-    The waves are [grid..., 2 x 5 x k, speeds]: real and imaginary parts of each lag of each pole.
+    The waves are [grid..., 2 x 5 x width, speeds]: real and imaginary parts of each lag of each pole, then zeros.
     """
     v = speed[..., None, :]
     low, high = (np.square(v * cutoff) for cutoff in spectrum.cutoffs)
@@ -402,10 +417,10 @@ def _waves(
     first, rear = wheelbase * density, inner * wheelbase * density
     lagged = (density, first, rear, wheelbase * rear, inner * density)
     shape = np.broadcast_shapes(*(wave.shape for wave in lagged))
-    waves = np.empty((*shape[:-2], 2, 5, *shape[-2:]))
+    waves = np.zeros((*shape[:-2], 2, 5, width, shape[-1]))
     for lag, wave in enumerate(lagged):
-        waves[..., 0, lag, :, :], waves[..., 1, lag, :, :] = wave.real, wave.imag
-    return waves.reshape(*shape[:-2], -1, shape[-1]), np.abs(density)
+        waves[..., 0, lag, : shape[-2], :], waves[..., 1, lag, : shape[-2], :] = wave.real, wave.imag
+    return waves.reshape(*shape[:-2], -1, shape[-1]), _padded(np.abs(density), width, -2)
 
 
 def _exponential(p: NDArray[np.complex128], delay: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -448,7 +463,9 @@ def _track_poles(
             for sign in (1, -1):
                 track, ratios, _ = descend(vehicle.column(), chain, sign * q, q * q)
                 elements[chain, sign] = {name: ratio / track for name, ratio in ratios.items()}
-        yield _TrackPole(q, residue * np.exp(-cutoff * distances) @ LAG_SUMS.T, elements)
+        # a sum, not a matrix product, whose bits would depend on the number of vehicles
+        weight = np.sum(residue * np.exp(-cutoff * distances)[..., None, :] * LAG_SUMS, axis=-1)
+        yield _TrackPole(q, weight, elements)
 
 
 def _singular(chains: dict[str, Modal], spectrum: RationalSpectrum, speed: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -57,7 +57,7 @@ def draw(tmp_path, monkeypatch):
     def drawn(dataset, name=None, at=None):
         found = {}
         with monkeypatch.context() as patch:
-            patch.setattr(figures, "_save", lambda figure, target, title: found.setdefault(target.stem, figure))
+            patch.setattr(figures, "save", lambda figure, target, title: found.setdefault(target.stem, figure))
             if name:  # making the others would only take time
                 patch.setattr(figures, "_drawings", lambda *arguments: {name: every(*arguments)[name]})
             freqrail.plot(dataset, tmp_path / "unused", at=at and parse_point(at))

@@ -161,7 +161,7 @@ def spanned(vehicle: Vehicle, axes: dict[str, np.ndarray]) -> Vehicle:
 
 
 @FEW
-@given(vehicles(), st.permutations(list(AXES)), st.sampled_from(BANDS[:3]))
+@given(vehicles(), st.permutations(list(AXES)), bands)
 def test_axes_in_another_order_give_the_same_bits_in_that_order(vehicle, order, band):
     plain = solve(spanned(vehicle, AXES), [30.0, 60.0], band)
     other = solve(spanned(vehicle, {name: AXES[name] for name in order}), [30.0, 60.0], band)
@@ -173,7 +173,7 @@ def test_axes_in_another_order_give_the_same_bits_in_that_order(vehicle, order, 
 
 
 @FEW
-@given(vehicles(), st.permutations(range(5)), st.sampled_from(BANDS[:3]))
+@given(vehicles(), st.permutations(range(5)), bands)
 def test_values_of_an_axis_in_another_order_give_the_same_bits_in_that_order(vehicle, order, band):
     joints = AXES["primary_joint_stiffness"]
     plain, other = (
@@ -192,36 +192,10 @@ def in_blocks(vehicle: Vehicle, band: Band | None, block: int, jobs: int) -> gri
 
 
 @FEW
-@given(vehicles(), st.sampled_from([1, 2, 3, 7]), st.sampled_from([1, 2, 3]), st.sampled_from(BANDS[:3]))
+@given(vehicles(), st.sampled_from([1, 2, 3, 7]), st.sampled_from([1, 2, 3]), bands)
 def test_blocks_and_jobs_change_no_bit(vehicle, block, jobs, band):
     many = spanned(vehicle, AXES)
     same = same_bits(in_blocks(many, band, block, jobs), solve(many, [30.0, 60.0], band))
-    assert same
-
-
-@FEW
-@given(vehicles(), st.sampled_from([2, 3]))
-def test_jobs_change_no_bit_of_the_closed_form(vehicle, jobs):
-    many = spanned(vehicle, AXES)
-    same = same_bits(in_blocks(many, None, 7, jobs), in_blocks(many, None, 7, 1))
-    assert same
-
-
-@FEW
-@given(vehicles(), st.sampled_from([1, 2, 3, 7]))
-def test_blocks_change_no_value_of_the_closed_form_by_more_than_its_error_estimate(vehicle, block):
-    many = spanned(vehicle, AXES)
-    cut, whole = in_blocks(many, None, block, 1), solve(many, [30.0, 60.0], None)
-    assert np.array_equal(cut.status, whole.status)
-    for name in ALL_NAMES:
-        away = np.abs(cut.rms[name] / whole.rms[name] - 1)
-        assert np.all(np.isnan(whole.rms[name]) | (away <= whole.relative_error[name]))
-
-
-@pytest.mark.xfail(strict=True, reason="the closed form's last bits depend on the shape of the block")
-def test_blocks_change_no_bit_of_the_closed_form():
-    many = spanned(random_vehicle(np.random.default_rng(1)), AXES)
-    same = same_bits(in_blocks(many, None, 7, 1), solve(many, [30.0, 60.0], None))
     assert same
 
 

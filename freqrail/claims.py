@@ -1,0 +1,340 @@
+"""The paper's claims: every directional statement of its sections V, VI and VII, and what decides it.
+
+A claim is in words of our own, names the dataset that it is about ("grid": RMS over both joints and speed, see
+`dataset.sweep`; "track": heights under the wheels; "spectra": PSDs at one point) and has a function over it. No
+verdict is written here; `judging` says what each test asks and from which share of points on a claim holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import xarray as xr
+
+from freqrail import judging
+from freqrail.judging import (
+    GREAT,
+    PLACES,
+    SAME,
+    SEEN,
+    Finding,
+    Outcome,
+    Places,
+    Test,
+    above,
+    approaches,
+    arrives,
+    below,
+    differs,
+    everywhere,
+    extent,
+    falls,
+    grows_with_speed,
+    high,
+    low,
+    never_coincides,
+    percent,
+    recedes,
+    rises,
+    same,
+    same_law,
+    slowly,
+    turns_away,
+    whole,
+)
+from freqrail.names import JOINTS, RESPONSES
+
+PAPER_SPEED = 250.0  # km/h
+PAPER_POINT = {"speed": PAPER_SPEED, **dict.fromkeys(JOINTS, judging.OTHER_JOINT)}
+"""The point of the paper's section V, in the units of a dataset's coordinates."""
+
+PRIMARY, SECONDARY = JOINTS
+CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE = (name for name, response in RESPONSES.items() if response.paper)
+RESPONSE_NAMES = (CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE)
+
+Judge = Callable[[xr.Dataset, Places], Outcome]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A directional statement of the paper.
+
+    key: what the report calls it. section and item: where the paper says it. text: what it says, in our words.
+    over: the dataset it is about. judge: (dataset, places) to an outcome, places as `judging.PLACES`.
+    """
+
+    key: str
+    section: str
+    item: str
+    text: str
+    over: str
+    judge: Judge
+
+    def finding(self, dataset: xr.Dataset, places: Places | None = None) -> Finding:
+        """What the claim comes to in a dataset."""
+        return judging.finding(self.judge(dataset, places or PLACES))
+
+
+def judge_all(datasets: Mapping[str, xr.Dataset], places: Places | None = None) -> dict[str, Finding]:
+    """Findings of all claims about the datasets given, by key."""
+    return {claim.key: claim.finding(datasets[claim.over], places) for claim in CLAIMS if claim.over in datasets}
+
+
+# --- claims that are not about one scan -----------------------------------------------------------
+
+
+def _at_point(test: Test, response: str, dataset: xr.Dataset, places: Places) -> Outcome:
+    both = judging.read(dataset, response, places)
+    return test(judging.Scan(both.joint.sel(PAPER_POINT), both.rigid.sel(speed=PAPER_SPEED)))
+
+
+def _over_scan(test: Test, response: str, joint: str, dataset: xr.Dataset, places: Places) -> Outcome:
+    return test(judging.scan(dataset, response, joint, places))
+
+
+def _bogie_over_car(dataset: xr.Dataset, places: Places) -> Outcome:
+    """At the paper's point the bogie's departure is larger than the car body's."""
+    apart = {}
+    for response in (BOGIE, CAR):
+        both = judging.read(dataset, response, places)
+        apart[response] = abs(both.departure.sel(PAPER_POINT))
+    numbers = f"bogie frame {percent(float(apart[BOGIE]), False)}, car body {percent(float(apart[CAR]), False)}"
+    return apart[BOGIE] > apart[CAR], f"{numbers} away from the traditional model"
+
+
+def _lagged_copies(dataset: xr.Dataset, places: Places) -> Outcome:
+    """Every wheel's track, moved back by its lag, is the first wheel's."""
+    time, height = dataset["time"].values, dataset["track_height"]
+    first = height.isel(axle=0).values
+    off = []
+    for axle, lag in enumerate(dataset["lag"].values):
+        moved = np.interp(time + lag, time, height.isel(axle=axle).values)
+        inside = time + lag <= time[-1]
+        off.append(np.sqrt(np.mean((moved - first)[inside] ** 2) / np.mean(first[inside] ** 2)))
+    worst = xr.DataArray(off, dims="axle", coords={"axle": height["axle"]})
+    lags = ", ".join(f"{1e3 * lag:.1f}" for lag in dataset["lag"].values[1:])
+    numbers = f"lags {lags} ms; after taking them out the heights differ by at most {percent(max(off), False)} (RMS)"
+    return worst <= SAME, numbers
+
+
+def _at_high_frequency(dataset: xr.Dataset, places: Places) -> Outcome:
+    """Most of what the joints change in a response's power lies above the corner of the softest damper."""
+    frequency = dataset["frequency"]
+    corner = float(dataset.attrs["corner_frequency"])
+    at = {key: PAPER_POINT[key] for key in (*JOINTS, "speed")}
+    shares, changes = [], []
+    for response in RESPONSE_NAMES:
+        joint, rigid = (dataset[f"{prefix}{response}_psd"] for prefix in ("", "traditional_"))
+        place = {dim: here for dim, here in places.items() if dim in joint.dims}
+        joint, rigid = (psd.sel({k: v for k, v in (at | place).items() if k in psd.dims}) for psd in (joint, rigid))
+        change = abs(joint - rigid)
+        shares.append(
+            float(change.where(frequency >= corner, 0).integrate("frequency") / change.integrate("frequency"))
+        )
+        under = (psd.where(frequency < corner, 0).integrate("frequency") for psd in (joint, rigid))
+        changes.append(float(np.sqrt(next(under) / next(under)) - 1))
+    share = xr.DataArray(shares, dims="response", coords={"response": list(RESPONSE_NAMES)})
+    words = ", ".join(
+        f"{RESPONSES[name].long_name} {percent(value, False)} (RMS below it {percent(change)})"
+        for name, value, change in zip(RESPONSE_NAMES, shares, changes, strict=True)
+    )
+    return share > 0.5, f"share of the changed power above {corner:.1f} Hz: {words}"
+
+
+def _all_matter(dataset: xr.Dataset, places: Places) -> Outcome:
+    """Either joint changes every response visibly somewhere."""
+    cells = [
+        [float(abs(judging.scan(dataset, response, joint, places).departure).max()) for joint in JOINTS]
+        for response in RESPONSE_NAMES
+    ]
+    largest = xr.DataArray(
+        cells, dims=("response", "joint"), coords={"response": list(RESPONSE_NAMES), "joint": list(JOINTS)}
+    )
+    return largest > SAME, f"largest departure of each response by each joint {extent(largest, False)}"
+
+
+def _great_errors(dataset: xr.Dataset, places: Places) -> Outcome:
+    """At low speed the traditional model is far off in both accelerations, whichever joint is scanned."""
+    scans = {
+        (response, joint): judging.scan(dataset, response, joint, places)
+        for response in (CAR, BOGIE)
+        for joint in JOINTS
+    }
+    apart = {key: low(abs(s.departure)) for key, s in scans.items()}
+    labels = [f"{RESPONSES[response].long_name}, {joint.split('_')[0]} joint" for response, joint in apart]
+    words = "; ".join(f"{label} {extent(d, False)}" for label, d in zip(labels, apart.values(), strict=True))
+    # the two joints need not have the same stiffnesses: NaN where a scan has no such point
+    far = [(d > GREAT).astype(float) for d in apart.values()]
+    true = xr.concat(far, xr.DataArray(labels, dims="scan", name="scan"), join="outer")
+    return true, f"{words}; more than {whole(GREAT)} is due"
+
+
+def _stiff_joints_agree(dataset: xr.Dataset, places: Places) -> Outcome:
+    """With both joints stiff, every response is nearer to the traditional model than with soft ones, and like it."""
+    parts = []
+    for response in RESPONSE_NAMES:
+        d = abs(judging.read(dataset, response, places).departure)
+        soft, stiff = (d.isel(dict.fromkeys(JOINTS, end), drop=True) for end in (0, -1))
+        parts.append(((stiff < soft) & (stiff <= SAME), stiff))
+    labels = xr.DataArray(list(RESPONSE_NAMES), dims="response", name="response")
+    true = xr.concat([part[0] for part in parts], labels)
+    stiff = xr.concat([part[1] for part in parts], labels)
+    return true, f"departure with both joints at their stiffest {extent(stiff, False)}"
+
+
+def _can_be_alleviated(dataset: xr.Dataset, places: Places) -> Outcome:
+    """Some pair of joints makes the car body and the bogie frame quieter than rigid joints do."""
+    best, worst = [], []
+    for response in (CAR, BOGIE):
+        d = judging.read(dataset, response, places).departure
+        best.append(d.min(JOINTS))
+        worst.append(d.max(JOINTS))
+    labels = xr.DataArray([CAR, BOGIE], dims="response", name="response")
+    least, most = xr.concat(best, labels), xr.concat(worst, labels)
+    words = [
+        f"{RESPONSES[name].long_name}: best pair {extent(least.sel(response=name))}, worst pair up to "
+        f"{extreme_of(most.sel(response=name))}"
+        for name in (CAR, BOGIE)
+    ]
+    return least < -SEEN, "; ".join(words)
+
+
+def extreme_of(values: xr.DataArray) -> str:
+    """The largest of `values` in per cent with its place."""
+    return judging.extreme(values, "max")
+
+
+# --- the table -------------------------------------------------------------------------------------
+
+
+_AT_POINT = (
+    ("b", CAR, "at 250 km/h the car body's acceleration is practically the same in both models", same(everywhere)),
+    (
+        "c",
+        SECONDARY_STROKE,
+        "at 250 km/h the secondary stroke is practically the same in both models",
+        same(everywhere),
+    ),
+    ("d", BOGIE, "at 250 km/h the bogie frame's acceleration differs between the models", differs(everywhere)),
+    ("e", PRIMARY_STROKE, "at 250 km/h the primary stroke differs between the models", differs(everywhere)),
+)
+
+_PRIMARY_JOINT = (
+    ("1a", CAR, "the primary joint matters to the car body mainly at low speed", judging.more_at_low_speed),
+    ("1b", CAR, "at low speed the car body's acceleration is below the traditional model's", below(low)),
+    ("1c", CAR, "at high speed the car body's acceleration is practically the traditional one", same(high)),
+    (
+        "1d",
+        CAR,
+        "with a finite primary joint the car body's curve never coincides with the traditional",
+        never_coincides,
+    ),
+    ("1e", CAR, "a stiffer primary joint lowers the car body's acceleration", falls),
+    ("1f", CAR, "what the primary joint's stiffness does to the car body grows with speed", grows_with_speed),
+    ("1g", CAR, "a stiffer primary joint brings the car body nearer to the traditional model", approaches(everywhere)),
+    ("1h", CAR, "the car body's approach to the traditional model is very slow", slowly),
+    ("2a", BOGIE, "the primary joint matters to the bogie frame at every speed", differs(everywhere)),
+    ("2b", BOGIE, "the primary joint matters to the bogie frame more at low speed", judging.more_at_low_speed),
+    ("2c", BOGIE, "at low speed the bogie frame's acceleration is below the traditional model's", below(low)),
+    ("2d", BOGIE, "at high speed the bogie frame's acceleration is above the traditional model's", above(high)),
+    ("2e", BOGIE, "a stiffer primary joint raises the bogie frame's acceleration", rises),
+    ("2f", BOGIE, "what the primary joint's stiffness does to the bogie frame grows with speed", grows_with_speed),
+    ("3a", SECONDARY_STROKE, "the secondary stroke hardly changes with the primary joint", same(everywhere)),
+    ("3b", SECONDARY_STROKE, "a stiffer primary joint lowers the secondary stroke", falls),
+    ("3c", SECONDARY_STROKE, "what the primary joint does to the secondary stroke grows with speed", grows_with_speed),
+    (
+        "3d",
+        SECONDARY_STROKE,
+        "a stiffer primary joint brings the secondary stroke nearer to the traditional model",
+        approaches(everywhere),
+    ),
+    ("3e", SECONDARY_STROKE, "the secondary stroke's approach to the traditional model is very slow", slowly),
+    ("3f", SECONDARY_STROKE, "with a finite primary joint the secondary stroke never coincides", never_coincides),
+    ("4a", PRIMARY_STROKE, "stiffening the primary joint first nears the traditional stroke, then departs", turns_away),
+    ("4b", PRIMARY_STROKE, "that departing of the primary stroke grows with speed", judging.turns_away_more_with_speed),
+    ("4c", PRIMARY_STROKE, "a stiffer primary joint lowers the primary stroke", falls),
+    ("4d", PRIMARY_STROKE, "the primary stroke follows the primary joint by one law at every speed", same_law),
+)
+
+_SECONDARY_JOINT = (
+    ("1a", CAR, "the secondary joint matters to the car body mainly at low speed", judging.more_at_low_speed),
+    ("1b", CAR, "at low speed the car body's acceleration is below the traditional model's", below(low)),
+    ("1c", CAR, "at high speed the car body's acceleration is practically the traditional one", same(high)),
+    ("1d", CAR, "with a finite secondary joint the car body's curve never coincides", never_coincides),
+    ("1e", CAR, "a stiffer secondary joint lowers the car body's acceleration", falls),
+    ("1f", CAR, "the car body follows the secondary joint by one law at every speed", same_law),
+    (
+        "1g",
+        CAR,
+        "at high speed a stiffer secondary joint brings the car body nearer to the traditional",
+        approaches(high),
+    ),
+    ("2a", BOGIE, "the secondary joint matters to the bogie frame at every speed", differs(everywhere)),
+    ("2b", BOGIE, "the secondary joint matters to the bogie frame more at low speed", judging.more_at_low_speed),
+    ("2c", BOGIE, "at low speed the bogie frame's acceleration is below the traditional model's", below(low)),
+    (
+        "2d",
+        BOGIE,
+        "at high speed a stiffer secondary joint brings the bogie nearer to the traditional",
+        approaches(high),
+    ),
+    ("2e", BOGIE, "a stiffer secondary joint raises the bogie frame's acceleration", rises),
+    ("2f", BOGIE, "the bogie frame follows the secondary joint by one law at every speed", same_law),
+    (
+        "3a",
+        SECONDARY_STROKE,
+        "a stiffer secondary joint brings the secondary stroke nearer to the traditional model",
+        approaches(everywhere),
+    ),
+    (
+        "3b",
+        SECONDARY_STROKE,
+        "with a stiff secondary joint the secondary stroke is the traditional",
+        arrives(everywhere),
+    ),
+    ("3c", SECONDARY_STROKE, "a stiffer secondary joint lowers the secondary stroke", falls),
+    ("3d", SECONDARY_STROKE, "the secondary stroke follows the secondary joint by one law at every speed", same_law),
+    ("4a", PRIMARY_STROKE, "the softer the secondary joint, the nearer the primary stroke to the traditional", recedes),
+    ("4b", PRIMARY_STROKE, "a stiffer secondary joint lowers the primary stroke", falls),
+    ("4c", PRIMARY_STROKE, "the primary stroke follows the secondary joint by one law at every speed", same_law),
+)
+
+
+def _scanned(section: str, joint: str, rows: tuple[tuple[str, str, str, Test], ...]) -> tuple[Claim, ...]:
+    """Claims about one scan each: rows of (item and letter, response, what the paper says, test)."""
+    return tuple(
+        Claim(f"{section} {item}", section, item[:-1], text, "grid", partial(_over_scan, test, response, joint))
+        for item, response, text, test in rows
+    )
+
+
+def _grid_claims(section: str, rows: tuple[tuple[str, str, str, Judge], ...]) -> tuple[Claim, ...]:
+    """Claims about the whole grid: rows of (letter or number, item, what the paper says, judge)."""
+    return tuple(Claim(f"{section} {key}", section, item, text, "grid", judge) for key, item, text, judge in rows)
+
+
+CLAIMS: tuple[Claim, ...] = (
+    Claim("V.A a", "V.A", "fig. 3", "all wheels see one irregularity, one after the other", "track", _lagged_copies),
+    *_grid_claims(
+        "V.B", tuple((k, "fig. 4", text, partial(_at_point, test, name)) for k, name, text, test in _AT_POINT)
+    ),
+    *_grid_claims(
+        "V.B", (("f", "fig. 4", "at 250 km/h joints matter more to the bogie frame than to the car", _bogie_over_car),)
+    ),
+    Claim("V.B g", "V.B", "fig. 4", "what joints change lies at high frequency", "spectra", _at_high_frequency),
+    *_scanned("VI.A", PRIMARY, _PRIMARY_JOINT),
+    *_scanned("VI.B", SECONDARY, _SECONDARY_JOINT),
+    *_grid_claims(
+        "VII",
+        (
+            ("1", "1", "both joints matter significantly to all four responses", _all_matter),
+            ("2a", "2", "at low speed the traditional model errs greatly in both accelerations", _great_errors),
+            ("2b", "2", "with stiff joints the two models agree", _stiff_joints_agree),
+            ("3", "3", "well chosen joints make the vehicle quieter", _can_be_alleviated),
+        ),
+    ),
+)
+"""Every claim, in the paper's order."""

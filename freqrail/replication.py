@@ -1,0 +1,152 @@
+"""`freqrail replicate`: the paper's study in one call, written as a folder of datasets, figures and a report."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from freqrail import document, studies, time_variations, variations
+from freqrail.claims import judge_all
+from freqrail.errors import FileError, InputError
+from freqrail.judging import VERDICTS, Finding
+from freqrail.replication_figures import FORMATS, draw_all, pictures
+from freqrail.report import compose
+from freqrail.storage import write_result
+from freqrail.variations import Variation
+
+FOLDER = Path("results", studies.CASE)
+
+_DATASETS: dict[str, Callable[[], xr.Dataset]] = {
+    "grid": studies.grid,
+    "map": studies.joint_map,
+    "spectra": studies.spectra,
+    "track": studies.histories,
+    "dampers": studies.dampers,
+}
+_FIGURES = 10
+SECONDS_A_STEP = 100.0  # simulated, that progress counts as one step
+LEFT_OUT = "This run left out the variations in the time domain (--quick)."
+
+Progress = Callable[[int], object]
+
+
+@dataclass(frozen=True)
+class Replication:
+    """What was computed: datasets by name (see `studies`), findings by claim, variations; and the folder written."""
+
+    datasets: dict[str, xr.Dataset]
+    findings: dict[str, Finding]
+    variations: list[Variation]
+    folder: Path
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many claims come to each verdict."""
+        verdicts = [found.verdict for found in self.findings.values()]
+        return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
+
+
+def steps(quick: bool = False) -> int:
+    """How many steps `replicate` tells its `progress` of."""
+    simulated = 0 if quick else round(time_variations.simulated_seconds() / SECONDS_A_STEP)
+    return len(_DATASETS) + variations.count_in_frequency() + simulated + _FIGURES
+
+
+def replicate(
+    folder: str | os.PathLike[str] | None = None, quick: bool = False, progress: Progress = lambda steps: None
+) -> Replication:
+    """Recompute the paper's sections V and VI, judge its claims and write datasets, figures and report.
+
+    folder: where to; results/yu-damper-joint below the working folder unless given, made with its parents then. It is
+    replaced as a whole, and only when the new one is complete; a folder that holds anything else is refused. quick:
+    leave out the variations in the time domain. progress: called with the number of steps just done, of `steps`.
+
+    Raises InputError for a folder that is not this command's own, FileError if it cannot be written.
+    """
+    target = _check(Path(folder) if folder is not None else FOLDER, default=folder is None)
+    datasets = {}
+    for name, make in _DATASETS.items():
+        datasets[name] = make()
+        progress(1)
+    findings = judge_all(datasets)
+    case = studies.study_case()
+    varied = variations.in_frequency(datasets["grid"], case, progress)
+    if not quick:
+        varied += time_variations.in_time(datasets["grid"], case, _whole_steps(progress))
+    drawn = pictures(datasets)
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        for name, dataset in datasets.items():
+            write_result(dataset, partial / f"{name}.nc")
+        draw_all(drawn, partial, progress)
+        blocks = compose(datasets, findings, varied, drawn, case.vehicle, LEFT_OUT if quick else "")
+        (partial / "report.md").write_text(document.markdown(blocks), encoding="utf-8")
+        (partial / "report.html").write_text(document.web_page(blocks, partial), encoding="utf-8")
+        _swap(partial, target)
+    except OSError as fault:
+        raise FileError(f"{target}: cannot be written: {fault.strerror or fault}") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return Replication(datasets, findings, varied, target)
+
+
+def _whole_steps(progress: Progress) -> Callable[[float], None]:
+    """Turns simulated seconds into steps of `progress`."""
+    simulated, told = 0.0, 0
+
+    def advance(seconds: float) -> None:
+        nonlocal simulated, told
+        simulated += seconds
+        steps = int(simulated / SECONDS_A_STEP)
+        if steps > told:
+            progress(steps - told)
+            told = steps
+
+    return advance
+
+
+def _check(target: Path, default: bool) -> Path:
+    """The target, after checking that it may be replaced."""
+    if default:
+        target.parent.mkdir(exist_ok=True)
+    if not target.parent.is_dir():
+        raise FileError(f"{target.parent}: no such folder; make it, or name another with -o")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise FileError(f"{target.parent}: this folder cannot be written; name another with -o")
+    if not target.exists():
+        return target
+    if not target.is_dir() or target.is_symlink():
+        raise InputError(f"{target}: is not a folder of its own; name another with -o")
+    own = {f"{name}.nc" for name in _DATASETS} | {"report.md", "report.html"}
+    strangers = sorted(
+        entry.name
+        for entry in target.iterdir()
+        if entry.name not in own and not (entry.is_file() and entry.suffix[1:] in FORMATS)
+    )
+    if strangers:
+        raise InputError(
+            f"{target}: holds what this command did not write ({', '.join(strangers)}); name another with -o"
+        )
+    return target
+
+
+def _swap(new: Path, target: Path) -> None:
+    """Put a complete folder in the target's place; the old one is gone only when the new one stands."""
+    old = target.with_name(f".{target.name}.old")
+    shutil.rmtree(old, ignore_errors=True)
+    if target.exists():
+        target.rename(old)
+    try:
+        new.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)

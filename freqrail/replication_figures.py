@@ -1,0 +1,351 @@
+"""Figures of the replication: the paper's figs. 3 to 7 in its layout, and those that explain them.
+
+As in `figures`, nothing is computed here: what is drawn is in the datasets of `studies`. A figure comes with a title
+and a caption that says what to look for, never what a dataset happens to show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib.style
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
+
+from freqrail.claims import BOGIE, CAR, PAPER_POINT, PAPER_SPEED, PRIMARY, PRIMARY_STROKE, SECONDARY, SECONDARY_STROKE
+from freqrail.figures import STYLE, save
+from freqrail.judging import OTHER_JOINT, PLACES
+from freqrail.names import JOINTS, PARAMETERS, RESPONSES
+
+FORMATS = ("svg", "png")
+
+_WIDTH = 7.2  # inches, two columns of a journal
+_SHOWN, _CLOSE, _RESPONSES = 10.0, 1.0, 4.0  # s of the histories
+_SPEEDS = (100, 150, 200, 250, 300)  # km/h, of the curves against stiffness
+_MARKERS = "osD^vP"
+_BLUE, _ORANGE, _GREEN, _PINK = "#0072B2", "#E69F00", "#009E73", "#CC79A7"
+_TICKS = (0.5, 1, 2, 5, 10, 20, 50, 100)  # MN/m
+_FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
+_ALL = (CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE)
+_WHERE = {CAR: "at the centre", BOGIE: "front bogie", SECONDARY_STROKE: "front bogie", PRIMARY_STROKE: "axle 1"}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the report: file stem, title, what to see in it, and what draws it."""
+
+    stem: str
+    title: str
+    caption: str
+    draw: Callable[[], Figure]
+
+
+def pictures(datasets: Mapping[str, xr.Dataset]) -> list[Picture]:
+    """Every figure of the report, in its order; `datasets` as in `studies`."""
+    grid, track = datasets["grid"], datasets["track"]
+    speed = f"{PAPER_SPEED:g} km/h"
+    place = "car body at its centre, front bogie, axle 1"
+    return [
+        Picture(
+            "figure-3",
+            f"Fig. 3: track irregularity under the four wheels at {speed}",
+            "(a) ten seconds of one record, (b) its first second: four copies of one curve, each later than the one "
+            "before by the distance between the wheels over the speed.",
+            partial(_track, track),
+        ),
+        Picture(
+            "figure-4",
+            f"Fig. 4: responses of both models at {speed}",
+            f"Joints of 5 MN/m and rigid ones over the record of fig. 3 ({place}). Look for where the curves part: "
+            "slowly (low frequency) or in fast ripples (high frequency).",
+            partial(_responses, track),
+        ),
+        Picture(
+            "figure-5",
+            "Fig. 5: RMS against speed for the primary joint's stiffness",
+            f"Table I for the primary joint, the secondary one at 5 MN/m ({place}). Lines above the dashed one: the "
+            "joints make the response larger than rigid joints do.",
+            partial(_curves, grid, _ALL, PRIMARY),
+        ),
+        Picture(
+            "figure-6",
+            "Fig. 6: RMS accelerations against speed for the secondary joint's stiffness",
+            f"Table I for the secondary joint, the primary one at 5 MN/m ({place}). Compare the order of the lines at "
+            "either end of the speeds.",
+            partial(_curves, grid, (CAR, BOGIE), SECONDARY),
+        ),
+        Picture(
+            "figure-7",
+            "Fig. 7: RMS strokes against speed for the secondary joint's stiffness",
+            f"As fig. 6. See how fast the lines close up on the dashed one as the joint stiffens ({place}).",
+            partial(_curves, grid, (SECONDARY_STROKE, PRIMARY_STROKE), SECONDARY),
+        ),
+        *(
+            Picture(
+                f"rms-against-{joint.split('_')[0]}-joint",
+                f"RMS against the {joint.split('_')[0]} joint's stiffness",
+                f"A line a speed, the other joint at 5 MN/m, the traditional model's value dashed ({place}). Below "
+                "its dashed line a joint does better than a rigid one; a minimum inside the range is a best joint.",
+                partial(_against_joint, grid, joint),
+            )
+            for joint in JOINTS
+        ),
+        Picture(
+            "joint-map",
+            f"RMS over both joints' stiffness at {speed}, as departure from the traditional model",
+            "Colour: by how many per cent the RMS lies above (red) or below (blue) the traditional model's; the cross "
+            "is the paper's vehicle. Blue regions are joints that beat rigid ones.",
+            partial(_map, datasets["map"]),
+        ),
+        Picture(
+            "cumulative-rms",
+            f"Where the vibration lives: RMS up to a frequency at {speed}",
+            "Each curve climbs where its response has power and ends at the RMS over the band; the dotted lines are "
+            "the corners of the two dampers at 5 MN/m. Where the curves of the two models part is where joints matter.",
+            partial(_cumulative, datasets["spectra"], datasets["dampers"]),
+        ),
+        Picture(
+            "dampers",
+            "What a damper between joints is: effective damping and dynamic stiffness",
+            "Im D/ω and Re D of the damper alone for Table I's joints; circles mark the corner κ/(2πC), where half of "
+            "the damping is left. Beyond it the damper acts as a spring of stiffness κ, half that of a joint.",
+            partial(_dampers, datasets["dampers"]),
+        ),
+    ]
+
+
+def draw_all(found: Sequence[Picture], folder: Path, progress: Callable[[int], object] = lambda figures: None) -> None:
+    """Draw every picture into `folder` as SVG and PNG. The same bytes from run to run on the same versions."""
+    # after_reset: a matplotlibrc of the user's must not change the bytes
+    with matplotlib.style.context(STYLE, after_reset=True):
+        for picture in found:
+            figure = picture.draw()
+            for kind in FORMATS:
+                save(figure, folder / f"{picture.stem}.{kind}", picture.title)
+            progress(1)
+
+
+# --- the paper's figures ---------------------------------------------------------------------------
+
+
+def _track(dataset: xr.Dataset) -> Figure:
+    figure = _figure(4.4)
+    time, colours = dataset["time"].values, (_BLUE, _ORANGE, _GREEN, _PINK)
+    for ax, shown, letter in zip(figure.subplots(2, 1), (_SHOWN, _CLOSE), "ab", strict=True):
+        kept = time <= shown
+        for height, colour in zip(dataset["track_height"], colours, strict=True):
+            ax.plot(time[kept], 1e3 * height.values[kept], color=colour, linewidth=0.8)
+        ax.set(xlim=(0, shown), xlabel="time [s]", ylabel="track height [mm]", title=f"({letter}) {shown:g} s")
+    _legend(figure, [Line2D([], [], color=c, label=f"$z_{{v{n}}}$") for n, c in enumerate(colours, start=1)])
+    return figure
+
+
+def _responses(dataset: xr.Dataset) -> Figure:
+    figure = _figure(4.9)
+    time = dataset["time"].values
+    kept = time <= _RESPONSES
+    for name, ax in _panels(figure, _ALL):
+        response = RESPONSES[name]
+        for prefix, style in _models().items():
+            history = _at_place(dataset[f"{prefix}{name}_history"]).values[kept]
+            ax.plot(time[kept], response.shown_scale * history, **style, linewidth=0.8)
+        ax.set(xlim=(0, _RESPONSES), xlabel="time [s]", ylabel=f"{name.split('_')[-1]} [{response.shown_unit}]")
+    _legend(figure, _model_handles())
+    return figure
+
+
+def _curves(dataset: xr.Dataset, names: Sequence[str], joint: str) -> Figure:
+    figure = _figure(4.9 if len(names) > 2 else 2.9)
+    other = next(name for name in JOINTS if name != joint)
+    stiffnesses = dataset[joint].values
+    styles = _family(len(stiffnesses))
+    for name, ax in _panels(figure, names):
+        scale = RESPONSES[name].shown_scale
+        values = _at_place(dataset[f"{name}_rms"]).sel({other: OTHER_JOINT})
+        for stiffness, style in zip(stiffnesses, styles, strict=True):
+            ax.plot(dataset["speed"].values, scale * values.sel({joint: stiffness}).values, **style)
+        rigid = _at_place(dataset[f"traditional_{name}_rms"]).values
+        ax.plot(dataset["speed"].values, scale * rigid, color="black", linestyle="--")
+        ax.set(xlabel="speed $v$ [km/h]", ylabel=f"RMS [{RESPONSES[name].shown_unit}]")
+    handles = [Line2D([], [], **s, label=f"{k:g} MN/m") for k, s in zip(stiffnesses, styles, strict=True)]
+    _legend(figure, [*handles, _rigid_handle()], f"${PARAMETERS[joint].symbol}$")
+    return figure
+
+
+# --- published plots -------------------------------------------------------------------------------
+
+
+def _against_joint(dataset: xr.Dataset, joint: str) -> Figure:
+    figure = _figure(4.9)
+    other = next(name for name in JOINTS if name != joint)
+    styles = _family(len(_SPEEDS))
+    for name, ax in _panels(figure, _ALL):
+        scale = RESPONSES[name].shown_scale
+        values = _at_place(dataset[f"{name}_rms"]).sel({other: OTHER_JOINT})
+        rigid = _at_place(dataset[f"traditional_{name}_rms"])
+        for speed, style in zip(_SPEEDS, styles, strict=True):
+            ax.plot(dataset[joint].values, scale * values.sel(speed=speed).values, **style)
+            ax.axhline(scale * float(rigid.sel(speed=speed)), color=style["color"], linestyle="--", linewidth=0.8)
+        ax.set(xlabel=_joint_label(joint), ylabel=f"RMS [{RESPONSES[name].shown_unit}]")
+        _joint_axis(ax, "x")
+        low, high = ax.get_ylim()
+        if high - low < _FLATTEST * high:
+            ax.set_ylim((low + high - _FLATTEST * high) / 2, (low + high + _FLATTEST * high) / 2)
+    handles = [Line2D([], [], **s, label=f"{v:g} km/h") for v, s in zip(_SPEEDS, styles, strict=True)]
+    dashed = Line2D([], [], color="0.4", linestyle="--", linewidth=0.8, label="traditional model")
+    _legend(figure, [*handles, dashed], "speed $v$")
+    return figure
+
+
+def _map(dataset: xr.Dataset) -> Figure:
+    figure = _figure(5.6)
+    x, y = dataset[PRIMARY].values, dataset[SECONDARY].values
+    for name, ax in _panels(figure, _ALL):
+        joint, rigid = (_at_place(dataset[f"{p}{name}_rms"]).sel(speed=PAPER_SPEED) for p in ("", "traditional_"))
+        departure = (100 * (joint / rigid - 1)).transpose(SECONDARY, PRIMARY).values
+        # a colour scale that the softest corner alone does not use up, the same to either side of zero
+        limit = _round_up(float(np.quantile(np.abs(departure), 0.85)))
+        levels = np.linspace(-limit, limit, 21)
+        filled = ax.contourf(x, y, departure, levels=levels, cmap="RdBu_r", extend="both")
+        ax.contour(x, y, departure, levels=[0.0], colors="black", linewidths=0.7)
+        ax.plot(PAPER_POINT[PRIMARY], PAPER_POINT[SECONDARY], "x", color="black", markersize=6, markeredgewidth=1.5)
+        ax.set(xlabel=_joint_label(PRIMARY), ylabel=_joint_label(SECONDARY))
+        for which in "xy":
+            _joint_axis(ax, which)
+        ax.grid(False)
+        figure.colorbar(filled, ax=ax, label="departure [%]", pad=0.02, ticks=levels[::5])
+    cross = Line2D([], [], color="black", marker="x", linestyle="none", markersize=6, label="the paper's vehicle")
+    line = Line2D([], [], color="black", linewidth=0.7, label="as in the traditional model")
+    _legend(figure, [cross, line])
+    return figure
+
+
+def _cumulative(dataset: xr.Dataset, dampers: xr.Dataset) -> Figure:
+    figure = _figure(4.9)
+    frequency = dataset["frequency"].values
+    drawn: list[tuple[str, Mapping[str, float], Mapping[str, Any]]] = [
+        (f"both joints {k:g} MN/m", dict.fromkeys(JOINTS, k), {"color": colour})
+        for k, colour in zip(dataset[PRIMARY].values, (_ORANGE, _BLUE, _GREEN), strict=True)
+    ]
+    corners = dampers["corner_frequency"].sel(joint_stiffness=OTHER_JOINT).values
+    for name, ax in _panels(figure, _ALL):
+        scale = RESPONSES[name].shown_scale
+        joint, rigid = (
+            _at_place(dataset[f"{p}{name}_cumulative_rms"]).sel(speed=PAPER_SPEED) for p in ("", "traditional_")
+        )
+        for _, at, style in drawn:
+            ax.plot(frequency, scale * joint.sel(at).values, **style)
+        ax.plot(frequency, scale * rigid.values, color="black", linestyle="--")
+        for corner in corners:
+            ax.axvline(corner, color="0.5", linestyle=":", linewidth=0.9)
+        ax.set(xscale="log", xlabel="frequency $f$ [Hz]", ylabel=f"RMS below $f$ [{RESPONSES[name].shown_unit}]")
+        ax.set_xlim(frequency[0], frequency[-1])
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.set_ylim(bottom=0)
+    handles = [Line2D([], [], **style, label=label) for label, _, style in drawn]
+    dotted = Line2D([], [], color="0.5", linestyle=":", linewidth=0.9, label="dampers' corners, 5 MN/m")
+    _legend(figure, [*handles, _rigid_handle(), dotted], columns=3)
+    return figure
+
+
+def _dampers(dataset: xr.Dataset) -> Figure:
+    figure = _figure(5.0)
+    frequency, joints = dataset["frequency"].values, dataset["joint_stiffness"].values
+    styles = [{**style, "marker": None} for style in _family(len(joints))]
+    shown = {
+        "effective_damping": ("effective damping Im $D/\\omega$ [kN·s/m]", 1e-3),
+        "dynamic_stiffness": ("dynamic stiffness Re $D$ [MN/m]", 1e-6),
+    }
+    axes = figure.subplots(2, 2, sharex=True)
+    letters = iter("abcd")
+    for row, (variable, (label, scale)) in zip(axes, shown.items(), strict=True):
+        for ax, stage in zip(row, dataset["stage"].values, strict=True):
+            one = dataset.sel(stage=stage)
+            for joint, style in zip(joints, styles, strict=True):
+                values = scale * one[variable].sel(joint_stiffness=joint).values
+                corner = float(one["corner_frequency"].sel(joint_stiffness=joint))
+                ax.plot(frequency, values, **style)
+                if corner <= frequency[-1]:
+                    at_corner = np.exp(np.interp(np.log(corner), np.log(frequency), np.log(values)))
+                    ax.plot(corner, at_corner, "o", color=style["color"], markersize=4, markerfacecolor="white")
+            ax.set_xscale("log")
+            ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            if variable == "dynamic_stiffness":
+                ax.set(yscale="log", ylim=(1e-4, 100), xlabel="frequency $f$ [Hz]")
+                ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            ax.set(ylabel=label, title=f"({next(letters)}) {stage} damper")
+    handles = [Line2D([], [], **s, label=f"{k:g} MN/m") for k, s in zip(joints, styles, strict=True)]
+    circle = Line2D(
+        [], [], color="0.4", marker="o", linestyle="none", markersize=4, markerfacecolor="white", label="corner"
+    )
+    _legend(figure, [*handles, circle], "stiffness of each joint")
+    return figure
+
+
+# --- shared ----------------------------------------------------------------------------------------
+
+
+def _figure(height: float) -> Figure:
+    return Figure(figsize=(_WIDTH, height), layout=ConstrainedLayoutEngine(wspace=0.05, hspace=0.05))
+
+
+def _panels(figure: Figure, names: Sequence[str]) -> list[tuple[str, Axes]]:
+    axes = figure.subplots(-(-len(names) // 2), 2, squeeze=False).ravel()
+    for letter, name, ax in zip("abcd", names, axes, strict=False):
+        ax.set_title(f"({letter}) {RESPONSES[name].long_name}, {_WHERE[name]}")
+    return list(zip(names, axes, strict=True))
+
+
+def _at_place(values: xr.DataArray) -> xr.DataArray:
+    return values.sel({dim: place for dim, place in PLACES.items() if dim in values.dims})
+
+
+def _models() -> dict[str, dict[str, Any]]:
+    return {"traditional_": {"color": "black", "linestyle": "--", "zorder": 2.5}, "": {"color": _BLUE}}
+
+
+def _model_handles() -> list[Line2D]:
+    return [Line2D([], [], color=_BLUE, label="joints of 5 MN/m"), _rigid_handle()]
+
+
+def _rigid_handle() -> Line2D:
+    return Line2D([], [], color="black", linestyle="--", label="traditional model")
+
+
+def _family(size: int) -> list[dict[str, Any]]:
+    colours = colormaps["viridis"](np.linspace(0, 0.88, size))
+    return [{"color": colour, "marker": marker} for colour, marker in zip(colours, _MARKERS, strict=False)]
+
+
+def _joint_label(joint: str) -> str:
+    return f"{joint.split('_')[0]} joint ${PARAMETERS[joint].symbol}$ [MN/m]"
+
+
+def _joint_axis(ax: Axes, which: str) -> None:
+    ax.set(**{f"{which}scale": "log"})
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    axis.set_ticks(_TICKS)
+    axis.set_minor_locator(NullLocator())
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
+def _round_up(value: float) -> float:
+    """The next larger of 1, 2, 5, 10, 20, ... or four times such a number."""
+    decade = 10 ** np.floor(np.log10(value))
+    return float(next(step * decade for step in (1, 2, 4, 5, 8, 10) if step * decade >= value))
+
+
+def _legend(figure: Figure, handles: Sequence[Line2D], title: str | None = None, columns: int | None = None) -> None:
+    # "outside": the layout makes room for it, so that it covers no panel
+    figure.legend(handles=handles, title=title, loc="outside lower center", ncols=columns or len(handles))

@@ -1,0 +1,341 @@
+"""The report of a replication: what holds, what does not, with which numbers, and why the paper may differ.
+
+Every verdict and number comes from the findings and datasets; the sentences around them are conditional on them or say
+nothing about an outcome. What holds is said first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from freqrail import judging
+from freqrail.claims import CAR, CLAIMS, PAPER_POINT, PRIMARY, PRIMARY_STROKE, RESPONSE_NAMES, SECONDARY, Claim
+from freqrail.document import Block, Bullets, Heading, Image, Paragraph, Table
+from freqrail.judging import (
+    ALIKE,
+    EVERYWHERE,
+    FAILS,
+    GREAT,
+    HOLDS,
+    MOSTLY,
+    OTHER_JOINT,
+    PARTLY,
+    REGION,
+    SAME,
+    SEEN,
+    VERDICTS,
+    Finding,
+    extent,
+    extreme,
+    high,
+    low,
+    whole,
+)
+from freqrail.names import RESPONSES
+from freqrail.procedures import DURATION
+from freqrail.replication_figures import Picture
+from freqrail.studies import TABLE_I
+from freqrail.summary import number
+from freqrail.variations import Variation
+from freqrail.vehicle import Vehicle, poles
+
+_PAPER = (
+    'Y. Yu, Y. Song, L. Zhao, C. Zhou, "Numerical Investigation on Train Vertical Dynamics with Damper Rubber Joint '
+    'Stiffness"'
+)
+
+
+def compose(
+    datasets: Mapping[str, xr.Dataset],
+    findings: Mapping[str, Finding],
+    variations: Sequence[Variation],
+    pictures: Sequence[Picture],
+    vehicle: Vehicle,
+    left_out: str = "",
+) -> list[Block]:
+    """The report's blocks.
+
+    findings: of all claims by key. vehicle: the paper's. left_out: what this run did not do, in words.
+    """
+    by_verdict = {verdict: [c for c in CLAIMS if findings[c.key].verdict == verdict] for verdict in VERDICTS}
+    return [
+        Heading(1, "The paper's study, redone and judged claim by claim"),
+        *_opening(datasets, by_verdict, left_out),
+        *_held(by_verdict, findings),
+        *_contradictions(datasets["grid"]),
+        *_reasons(findings, variations, vehicle),
+        Heading(2, "Figures of the paper"),
+        *_images(pictures, paper=True),
+        Heading(2, "Figures that explain"),
+        *_images(pictures, paper=False),
+        *_method(datasets),
+    ]
+
+
+def _opening(
+    datasets: Mapping[str, xr.Dataset], by_verdict: Mapping[str, Sequence[Claim]], left_out: str
+) -> list[Block]:
+    grid = datasets["grid"]
+    points = grid["status"].size
+    counts = ", ".join(
+        f"**{len(by_verdict[verdict])} {_plural(verdict, len(by_verdict[verdict]))}**" for verdict in VERDICTS
+    )
+    blocks: list[Block] = [
+        Paragraph(
+            f"{_PAPER}, sections V and VI, computed anew from frequency responses: {points} grid points of the model "
+            f"with joints (band {grid.attrs['band']}). The paper integrates 20 s in time at each point; here every "
+            f"number has an error estimate, the largest being {_largest_error(grid):.1e}."
+        ),
+        Paragraph(f"Of the paper's {len(CLAIMS)} directional claims {counts}."),
+    ]
+    if left_out:
+        blocks.append(Paragraph(f"**{left_out}**"))
+    return blocks
+
+
+def _plural(verdict: str, count: int) -> str:
+    words = {HOLDS: "hold", PARTLY: "hold partly", FAILS: "do not hold"}
+    return verdict if count == 1 else words[verdict]
+
+
+def _largest_error(grid: xr.Dataset) -> float:
+    return max(float(v.max()) for k, v in grid.data_vars.items() if str(k).endswith("_rms_relative_error"))
+
+
+# --- the claims ------------------------------------------------------------------------------------
+
+
+def _held(by_verdict: Mapping[str, Sequence[Claim]], findings: Mapping[str, Finding]) -> list[Block]:
+    titles = {HOLDS: "What holds", PARTLY: "What holds partly", FAILS: "What does not hold"}
+    blocks: list[Block] = []
+    for verdict, claims in by_verdict.items():
+        blocks.append(Heading(2, titles[verdict]))
+        if not claims:
+            blocks.append(Paragraph("No claim."))
+            continue
+        rows = []
+        for claim in claims:
+            found = findings[claim.key]
+            rows.append([claim.key, claim.text, found.verdict, found.where, found.numbers])
+        blocks.append(Table(("claim", "the paper says", "verdict", "true where", "numbers that decide"), rows))
+    return blocks
+
+
+def _contradictions(grid: xr.Dataset) -> list[Block]:
+    """Where claims of the paper exclude each other, with the numbers that both speak of."""
+    items = []
+    for joint, section in ((PRIMARY, "VI.A"), (SECONDARY, "VI.B")):
+        scan = judging.scan(grid, CAR, joint)
+        slow, last = low(scan.departure), scan.departure.isel(stiffness=-1)
+        under = int((slow < 0).sum())
+        items.append(
+            f"**Car body and {joint.split('_')[0]} joint ({section} 1b against 1e and 1g).** A value that falls "
+            "towards another as the joint stiffens lies above it all the way; yet it is said to lie below the "
+            f"traditional one at low speed. Computed, it lies below at {under} of {slow.size} points of low "
+            f"speed (departure {extent(slow)}), and with the stiffest joint it is still {extent(last)} off."
+        )
+    primary = judging.scan(grid, CAR, PRIMARY)
+    fast = abs(high(primary.departure))
+    span = primary.span
+    items.append(
+        "**Car body at high speed (VI.A 1c against 1f).** Curves of all stiffnesses cannot coincide with the "
+        "traditional one at high speed and fan out most there. Computed: at high speed the distance is "
+        f"{extent(fast, False)}, and softest and stiffest joint are {extreme(span, 'min', False)} to "
+        f"{extreme(span, 'max', False)} apart."
+    )
+    stroke = judging.scan(grid, PRIMARY_STROKE, PRIMARY)
+    d = abs(stroke.departure)
+    items.append(
+        "**Primary stroke and primary joint (VI.A 4a against VII 2b).** Stiffening cannot both lead away from the "
+        "traditional model and make the models agree. Computed distance: with the softest joint "
+        f"{extent(d.isel(stiffness=0), False)}, smallest on the way {extent(d.min('stiffness'), False)}, with the "
+        f"stiffest {extent(d.isel(stiffness=-1), False)}."
+    )
+    other = judging.scan(grid, PRIMARY_STROKE, SECONDARY)
+    d = abs(other.departure)
+    items.append(
+        "**Primary stroke and secondary joint (VI.B 4a against VII 2b).** The softest joint cannot be nearest to the "
+        "model whose joints are rigid if stiff joints make the models agree; a joint of no stiffness is a vehicle "
+        f"without that damper. Computed distance: with the softest joint {extent(d.isel(stiffness=0), False)}, with "
+        f"the stiffest {extent(d.isel(stiffness=-1), False)}."
+    )
+    return [
+        Heading(2, "Where the paper contradicts itself"),
+        Paragraph("Pairs of claims of which at most one can be true, whatever the numbers:"),
+        Bullets(items),
+    ]
+
+
+# --- why it may differ -----------------------------------------------------------------------------
+
+
+def _reasons(findings: Mapping[str, Finding], variations: Sequence[Variation], vehicle: Vehicle) -> list[Block]:
+    rows = [
+        [
+            v.group,
+            v.name,
+            " / ".join(f"{v.count(verdict):.3g}" for verdict in VERDICTS),
+            "; ".join(_change(v, key) for key in v.changed) or "none",
+            v.note,
+        ]
+        for v in variations
+    ]
+    failing = [claim for claim in CLAIMS if findings[claim.key].verdict == FAILS]
+    mended = {claim.key: [v for v in variations if v.mended.get(claim.key)] for claim in failing}
+    never = [claim for claim in failing if not mended[claim.key]]
+    return [
+        Heading(2, "Why the paper may differ"),
+        Paragraph(
+            "What the paper does not state, and what its procedure does, varied one at a time. Each variation is "
+            "judged beside the exact result at the same points; a verdict that changes is what the variation explains. "
+            f"Judged are the {len(variations[0].exact)} claims about RMS values; of the exact ones over the whole grid "
+            f"{' / '.join(str(_count(variations[0], verdict)) for verdict in VERDICTS)} hold / hold partly / do not "
+            "hold."
+        ),
+        Paragraph(_ringing(vehicle)),
+        Table(("question", "variation", "hold / partly / not", "claims that change verdict", "what else"), rows),
+        Heading(3, "Claims that do not hold, and what would make them"),
+        Table(
+            ("claim", "the paper says", "holds at least partly under"),
+            [
+                [
+                    c.key,
+                    c.text,
+                    "; ".join(f"{v.group}: {v.name}{_tracks(v, v.mended[c.key])}" for v in mended[c.key])
+                    or "no variation tried",
+                ]
+                for c in failing
+            ],
+        ),
+        *_reading(failing, never, variations),
+    ]
+
+
+def _change(variation: Variation, key: str) -> str:
+    """A claim's verdict before and after, and on how many tracks it changes if not on all."""
+    verdicts = variation.changed[key]
+    after = max(VERDICTS, key=verdicts.count)
+    return f"{key} {variation.exact[key].verdict} → **{after}**{_tracks(variation, len(verdicts))}"
+
+
+def _count(variation: Variation, verdict: str) -> int:
+    return sum(found.verdict == verdict for found in variation.exact.values())
+
+
+def _tracks(variation: Variation, count: int) -> str:
+    total = len(variation.tracks)
+    return "" if count == total else f" (on {count} of {total} tracks)"
+
+
+def _counted(variation: Variation, claims: Mapping[str, int]) -> str:
+    return ", ".join(f"{key}{_tracks(variation, count)}" for key, count in claims.items())
+
+
+def _reading(failing: Sequence[Claim], never: Sequence[Claim], variations: Sequence[Variation]) -> list[Block]:
+    """The most likely reading, as far as the variations decide it, and what stays unknown."""
+    idle = [group for group in dict.fromkeys(v.group for v in variations) if not _ever(group, variations)]
+    items = [f"No verdict hangs on: {', '.join(idle)}."] if idle else []
+    items += [
+        f"The paper cannot have used {v.group} ({v.name}): its own grid cannot be computed that way: {v.note}."
+        for v in variations
+        if not v.possible
+    ]
+    keys = [claim.key for claim in failing]
+    helpful = [v for v in variations if v.possible and any(key in v.mended for key in keys)]
+    helpful.sort(key=lambda v: _credit(v, keys), reverse=True)
+    for place, v in enumerate(helpful[:3]):
+        mended = {key: v.mended[key] for key in keys if key in v.mended}
+        lead = "The reading that explains most is" if not place else "Then comes"
+        items.append(
+            f"{lead} **{v.group}: {v.name}**. It makes {len(mended)} of the {len(failing)} claims that fail hold at "
+            f"least partly, up to {v.at_once(keys)} on one track: {_counted(v, mended)}. It costs {len(v.lost)} "
+            "that hold otherwise" + (f": {_counted(v, v.lost)}." if v.lost else ".")
+        )
+    if not helpful:
+        items.append("Nothing that was tried, and that the paper can have done, makes a failing claim hold.")
+    if never:
+        items.append(
+            f"Mended by nothing that was tried are {len(never)} of the {len(failing)}: "
+            f"{', '.join(c.key for c in never)}."
+        )
+    return [
+        Heading(3, "The most likely reading"),
+        Bullets(items),
+        Heading(3, "What cannot be known"),
+        Paragraph(
+            "The paper gives neither its contact constant nor its band nor its sampling nor the tolerances of its "
+            "integrator; not the phases of its track, how a run starts on it, nor whether each run had a track of its "
+            "own; not where on the car body and at which bogie and axle it reads its responses. Its results are in "
+            "drawings, not in numbers, and only its words are judged here. A variation that agrees with the words "
+            "shows that it can have been so, never that it was."
+        ),
+    ]
+
+
+def _ever(group: str, variations: Sequence[Variation]) -> bool:
+    return any(v.changed for v in variations if v.group == group)
+
+
+def _credit(variation: Variation, keys: Sequence[str]) -> float:
+    """Claims of `keys` that a variation mends less those it loses, a claim counting by its share of tracks."""
+    mended = sum(count for key, count in variation.mended.items() if key in keys)
+    return (mended - sum(variation.lost.values())) / len(variation.tracks)
+
+
+def _ringing(vehicle: Vehicle) -> str:
+    """How long a struck wheelset rings on the rigid rail, beside the paper's 20 s."""
+    parts = []
+    for joint in (TABLE_I[0], OTHER_JOINT, TABLE_I[-1], np.inf):
+        stiffness = 1e6 * joint
+        one = replace(vehicle, primary_joint_stiffness=stiffness, secondary_joint_stiffness=stiffness)
+        wheelset = max(poles(one), key=lambda pole: abs(pole.imag))
+        words = "rigid joints" if np.isinf(joint) else f"{joint:g} MN/m"
+        parts.append(f"{number(-1 / wheelset.real, 3)} s with {words}")
+        frequency = wheelset.imag / (2 * np.pi)
+    return (
+        f"On a rail without give a wheelset rings on the contact spring near {abs(frequency):.0f} Hz, and a blow "
+        f"takes long to die away: decay times are {', '.join(parts)}. What a run of {DURATION:g} s reports then "
+        "depends on how it begins and on what its integrator does to that ringing, not on the track alone."
+    )
+
+
+# --- figures and method ----------------------------------------------------------------------------
+
+
+def _images(pictures: Sequence[Picture], paper: bool) -> list[Block]:
+    return [Image(p.stem, p.title, p.caption) for p in pictures if p.stem.startswith("figure-") == paper]
+
+
+def _method(datasets: Mapping[str, xr.Dataset]) -> list[Block]:
+    grid = datasets["grid"]
+    where = ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in judging.PLACES.items())
+    stiff = ", ".join(f"{k:g}" for k in grid[PRIMARY].values)
+    point = ", ".join(
+        f"{k.replace('_', ' ')} {v:g} {'km/h' if k == 'speed' else 'MN/m'}" for k, v in PAPER_POINT.items()
+    )
+    responses = ", ".join(RESPONSES[name].long_name for name in RESPONSE_NAMES)
+    return [
+        Heading(2, "How claims are judged"),
+        Bullets(
+            [
+                f"Responses: {responses}; read at {where}. Stiffnesses: {stiff} MN/m. The point of section V: {point}.",
+                "Departure: RMS with joints over RMS of the traditional model (rigid joints), less one. The scale of "
+                "the track's spectrum does not enter it.",
+                f"A claim holds if it is true at {whole(EVERYWHERE)} of its points or more, partly from "
+                f"{whole(MOSTLY)} on. Points are stiffnesses times speeds, or steps between them.",
+                f"Low and high speed: the lowest and the highest {whole(REGION)} of the range "
+                f"({_range(low(grid['speed']))} and {_range(high(grid['speed']))} km/h).",
+                f"Practically equal: within {whole(SAME)}; coincident: within {whole(SEEN)}; a great "
+                f"error: above {whole(GREAT)}; the same law: within {ALIKE:g} of the mean normalised curve.",
+                f"Files: {', '.join(f'`{name}.nc`' for name in datasets)}; `freqrail replicate` makes all of this.",
+            ]
+        ),
+    ]
+
+
+def _range(values: xr.DataArray) -> str:
+    return f"{float(values.min()):g}-{float(values.max()):g}"

@@ -1,0 +1,182 @@
+"""Why the paper may differ: its study under every procedure and number that it may have used, and what that changes.
+
+A variation makes a grid dataset of its own (or reads the exact one elsewhere on the vehicle); the claims are judged
+in it and in the exact dataset at the same points, and the verdicts that differ are what the variation explains. The
+variations in the frequency domain are here, those in time in `procedures`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from freqrail import printed
+from freqrail.campaign import sweep
+from freqrail.case import Case
+from freqrail.claims import judge_all
+from freqrail.errors import FreqrailWarning
+from freqrail.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places, percent
+from freqrail.names import JOINTS, RESPONSES
+from freqrail.response import SERIES
+from freqrail.studies import CASE
+from freqrail.timedomain import RESPONSES as IN_ORDER
+from freqrail.track import Band
+
+# The field's contact constants G = c R^e in m/N^(2/3), R the wheel radius in m: conical and worn tread.
+TREADS = {"conical": (4.57e-8, -0.149), "worn": (3.86e-8, -0.115)}
+RADII = (0.40, 0.43, 0.46)  # m, of wheels in service
+
+BANDS = {"0.1:20 Hz": "0.1 to 20 Hz", "0.1:50 Hz": "0.1 to 50 Hz", "none": "the whole axis"}
+
+ELSEWHERE: dict[str, Places] = {
+    "car body over the front pivot": PLACES | {"car_position": "front"},
+    "car body over the rear pivot, rear bogie, axle 3": {"car_position": "rear", "bogie": "rear", "axle": 3},
+    "axle 2": PLACES | {"axle": 2},
+}
+
+Progress = Callable[[int], object]
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One other way to get the paper's numbers, and what the claims come to in it.
+
+    group: the question it answers. name: what differs. tracks: findings by claim, of every track that it was run on
+    (one entry if no track was drawn). exact: the same in the exact dataset at the same points. note: what else was
+    found. possible: whether the paper's whole study can be run this way.
+    """
+
+    group: str
+    name: str
+    tracks: Sequence[Mapping[str, Finding]]
+    exact: Mapping[str, Finding]
+    note: str = ""
+    possible: bool = True
+
+    @property
+    def changed(self) -> dict[str, list[str]]:
+        """By claim, the verdicts that differ from the exact one, one a track on which it does."""
+        other = {
+            key: [t[key].verdict for t in self.tracks if t[key].verdict != e.verdict] for key, e in self.exact.items()
+        }
+        return {key: verdicts for key, verdicts in other.items() if verdicts}
+
+    @property
+    def mended(self) -> dict[str, int]:
+        """By claim that does not hold in the exact dataset: on how many tracks it holds at least partly."""
+        return {key: len(verdicts) for key, verdicts in self.changed.items() if self.exact[key].verdict == FAILS}
+
+    def at_once(self, keys: Collection[str]) -> int:
+        """How many of the claims `keys` that do not hold exactly do so at least partly on one and the same track."""
+        failing = [key for key in keys if key in self.exact and self.exact[key].verdict == FAILS]
+        return max(sum(track[key].verdict != FAILS for key in failing) for track in self.tracks)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """By claim that holds in the exact dataset: on how many tracks it does not hold at all."""
+        failed = {key: verdicts.count(FAILS) for key, verdicts in self.changed.items()}
+        return {key: count for key, count in failed.items() if count and self.exact[key].verdict == HOLDS}
+
+    def count(self, verdict: str) -> float:
+        """How many claims come to a verdict, on average over the tracks."""
+        return sum(found.verdict == verdict for track in self.tracks for found in track.values()) / len(self.tracks)
+
+
+def in_frequency(exact: xr.Dataset, case: Case, progress: Progress = lambda done: None) -> list[Variation]:
+    """The variations that need no time domain. exact: the dataset of `studies.grid`."""
+    base = judge_all({"grid": exact})
+    found: list[Variation] = []
+
+    def add(group: str, name: str, findings: Mapping[str, Finding], note: str = "") -> None:
+        found.append(Variation(group, name, [findings], base, note))
+        progress(1)
+
+    for tread, (factor, exponent) in TREADS.items():
+        for radius in RADII:
+            constant = factor * radius**exponent
+            varied = sweep(CASE, settings={"contact_constant": f"{constant:.4e} m/N^(2/3)"})
+            note = _change(varied, exact)
+            name = f"{tread} tread, wheel radius {radius:g} m (G = {constant:.3e} m/N^(2/3))"
+            add("contact constant", name, judge_all({"grid": varied}), note)
+    for setting, words in BANDS.items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FreqrailWarning)  # that the whole axis takes in the wheelsets' resonance
+            varied = sweep(CASE, settings={"band": "none"} if setting == "none" else {"frequency": setting})
+        add("band", words, judge_all({"grid": varied}), _change(varied, exact))
+    for words, places in ELSEWHERE.items():
+        add("place on the vehicle", words, judge_all({"grid": exact}, places))
+    found.append(_as_printed(exact, case))
+    progress(1)
+    return found
+
+
+def count_in_frequency() -> int:
+    """How many variations `in_frequency` makes."""
+    return len(TREADS) * len(RADII) + len(BANDS) + len(ELSEWHERE) + 1
+
+
+def _change(varied: xr.Dataset, exact: xr.Dataset) -> str:
+    """In words: the largest relative change of any RMS."""
+    names = [f"{prefix}{name}_rms" for prefix in ("", "traditional_") for name in IN_ORDER]
+    largest = max(float(abs(varied[k] / exact[k] - 1).max()) for k in names)
+    return f"largest change of an RMS: {percent(largest, False)}"
+
+
+# --- datasets of other origin ----------------------------------------------------------------------
+
+
+def relabelled(exact: xr.Dataset, joint: NDArray[np.float64], rigid: NDArray[np.float64]) -> xr.Dataset:
+    """The exact grid with RMS values of another origin: [primary, secondary, series, speed] and [series, speed].
+
+    Series in the order of `timedomain.readout`; speeds as in `exact`, which may be a selection.
+    """
+    variables: dict[str, Any] = {}
+    first = 0
+    for name in IN_ORDER:
+        dimension = RESPONSES[name].dimension
+        rows = slice(first, first + len(SERIES[name].positions))
+        first = rows.stop
+        variables[f"{name}_rms"] = ((*JOINTS, dimension, "speed"), joint[:, :, rows])
+        variables[f"traditional_{name}_rms"] = ((dimension, "speed"), rigid[rows])
+    return xr.Dataset(variables, {name: exact[name] for name in exact.coords if name != "frequency"})
+
+
+def _as_printed(exact: xr.Dataset, case: Case) -> Variation:
+    """Claims by the printed equations for the joints; the paper prints no equations of the traditional model.
+
+    Both datasets are cut to the stiffnesses of either scan at which the printed equations are stable.
+    """
+    band = case.band or Band("frequency", 0.1, 100.0)
+    shape = case.vehicles().shape
+    vehicles = [case.vehicles().at(index) for index in np.ndindex(shape)]
+    growth = np.reshape([printed.growth_rate(vehicle) for vehicle in vehicles], shape)
+    values = np.array([printed.printed_rms(vehicle, case.spectrum, case.speeds(), band) for vehicle in vehicles])
+    rigid = np.concatenate([exact[f"traditional_{name}_rms"].transpose(..., "speed").values for name in IN_ORDER])
+    varied = relabelled(exact, values.reshape(*shape, *values.shape[1:]), rigid)
+    primary, secondary = JOINTS
+    stable = xr.DataArray(growth < 0, {name: exact[name] for name in JOINTS}, JOINTS)
+    part = {
+        primary: stable[primary][stable.sel({secondary: OTHER_JOINT})],
+        secondary: stable[secondary][stable.sel({primary: OTHER_JOINT})],
+    }
+    asymmetry = 100 * printed.asymmetry(case.vehicle)
+    always = [f"{float(k):g}" for k in stable[secondary] if not bool(stable.sel({secondary: k}).any())]
+    note = (
+        f"stiffness matrix not symmetric (by {asymmetry:.2g} % of its largest entry); unstable at "
+        f"{int((~stable).sum())} of {stable.size} pairs of Table I, with K_sd = {', '.join(always) or 'no value'} MN/m "
+        f"whatever K_pd; the fastest growth is {growth.max():.2g} 1/s. Judged over the stable rest: "
+        f"K_pd = {_list(part[primary])} MN/m, K_sd = {_list(part[secondary])} MN/m"
+    )
+    found, base = (judge_all({"grid": dataset.sel(part)}) for dataset in (varied, exact))
+    possible = bool(stable.sel({secondary: OTHER_JOINT}).all() and stable.sel({primary: OTHER_JOINT}).all())
+    return Variation("eq. (4) as printed", "both signs as printed", [found], base, note, possible)
+
+
+def _list(values: xr.DataArray) -> str:
+    return ", ".join(f"{float(value):g}" for value in values)

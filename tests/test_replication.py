@@ -1,0 +1,141 @@
+"""The replication as a whole: a quick run against the committed one, and the folder it may replace."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freqrail import cli, replication, storage
+from freqrail.claims import CLAIMS
+from freqrail.errors import FileError, InputError
+from freqrail.judging import FAILS, HOLDS, PARTLY
+from freqrail.replication_figures import draw_all, pictures
+
+COMMITTED = Path(__file__).parents[1] / "results" / "yu-damper-joint"
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    """A quick replication into a folder of its own."""
+    return replication.replicate(tmp_path_factory.mktemp("quick") / "study", quick=True)
+
+
+def verdicts(report: Path) -> dict[str, str]:
+    """Verdicts by claim as a report's tables state them."""
+    rows = re.findall(r"^\| (\S+ \S+) \| [^|]+ \| (holds|holds partly|does not hold) \|", report.read_text(), re.M)
+    return dict(rows)
+
+
+def variation_rows(report: Path) -> dict[tuple[str, str], str]:
+    """Changed claims by (question, variation) as a report states them."""
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \| \d+ / \d+ / \d+ \| ([^|]+) \|", report.read_text(), re.M)
+    return {(group, name): changed for group, name, changed in rows}
+
+
+@pytest.mark.parametrize("name", ["grid", "map", "spectra", "dampers"])
+def test_a_quick_run_gives_the_committed_numbers(quick, name):
+    committed = storage.open_result(COMMITTED / f"{name}.nc")
+    fresh = storage.open_result(quick.folder / f"{name}.nc")
+    assert set(fresh.data_vars) == set(committed.data_vars)
+    for key, values in committed.data_vars.items():
+        if not str(key).endswith("_relative_error"):
+            np.testing.assert_allclose(fresh[key].values, values.values, rtol=1e-7, err_msg=str(key))
+
+
+def test_a_quick_run_draws_the_committed_track_and_responses(quick):
+    committed, fresh = (storage.open_result(folder / "track.nc") for folder in (COMMITTED, quick.folder))
+    for key, values in committed.data_vars.items():
+        np.testing.assert_allclose(fresh[key].values, values.values, atol=1e-5 * float(abs(values).max()))
+
+
+def test_a_quick_run_comes_to_the_committed_verdicts(quick):
+    assert verdicts(quick.folder / "report.md") == verdicts(COMMITTED / "report.md")
+    assert {key: found.verdict for key, found in quick.findings.items()} == verdicts(COMMITTED / "report.md")
+    assert len(quick.findings) == len(CLAIMS)
+
+
+def test_a_quick_run_says_what_it_left_out_and_the_committed_one_has_it(quick):
+    fresh, committed = (variation_rows(folder / "report.md") for folder in (quick.folder, COMMITTED))
+    assert len(fresh) == replication.variations.count_in_frequency()
+    assert set(fresh) < set(committed)
+    assert {key: committed[key] for key in fresh} == fresh
+    assert replication.LEFT_OUT in (quick.folder / "report.md").read_text()
+    assert replication.LEFT_OUT not in (COMMITTED / "report.md").read_text()
+
+
+def test_what_holds_is_said_first(quick):
+    text = (quick.folder / "report.md").read_text()
+    assert text.index("## What holds\n") < text.index("## What holds partly\n") < text.index("## What does not hold\n")
+
+
+def test_the_page_opens_from_disk_with_every_figure_in_it(quick):
+    page = (quick.folder / "report.html").read_text()
+    assert page.count("data:image/svg+xml;base64,") == len(list(quick.folder.glob("*.svg"))) == 10
+    assert not re.search(r'(src|href)="(?!data:|#)', page)
+
+
+def test_every_axis_has_a_unit_and_every_figure_says_what_to_see(quick):
+    for picture in pictures(quick.datasets):
+        assert len(picture.caption) > 60
+        for ax in picture.draw().axes:
+            assert ax.get_ylabel().endswith("]"), (picture.stem, ax.get_ylabel())
+            assert ax.get_xlabel().endswith("]") or not ax.get_xlabel()
+
+
+def test_figures_are_the_same_bytes_from_run_to_run(quick, tmp_path):
+    chosen = [picture for picture in pictures(quick.datasets) if picture.stem in ("figure-6", "joint-map")]
+    draw_all(chosen, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 4
+    for path in tmp_path.iterdir():
+        assert path.read_bytes() == (quick.folder / path.name).read_bytes(), path.name
+
+
+def test_the_committed_folder_is_small_and_complete():
+    names = {path.name for path in COMMITTED.iterdir()}
+    assert {"report.md", "report.html", "grid.nc", *(f"figure-{n}.svg" for n in range(3, 8))} <= names
+    assert {Path(name).stem for name in names if name.endswith(".png")} == {
+        Path(name).stem for name in names if name.endswith(".svg")
+    }
+    assert sum(path.stat().st_size for path in COMMITTED.iterdir()) < 9e6
+
+
+def test_the_command_counts_verdicts(quick, monkeypatch, capsys):
+    monkeypatch.setattr(replication, "replicate", lambda *arguments: quick)
+    assert cli.run(["replicate", "--quick", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert set(facts["claims"]) == {HOLDS, PARTLY, FAILS}
+    assert sum(facts["claims"].values()) == len(CLAIMS)
+
+
+def test_a_folder_of_another_is_left_alone(tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.tex").write_text("years of work")
+    with pytest.raises(InputError, match=r"mine: holds what this command did not write \(thesis.tex\)"):
+        replication.replicate(mine, quick=True)
+    assert (mine / "thesis.tex").read_text() == "years of work"
+
+
+def test_a_missing_parent_is_an_output_fault(tmp_path):
+    with pytest.raises(FileError, match="no such folder"):
+        replication.replicate(tmp_path / "nowhere" / "study", quick=True)
+
+
+def test_a_run_that_fails_leaves_the_old_folder_and_no_traces(tmp_path, monkeypatch):
+    study = tmp_path / "study"
+    study.mkdir()
+    (study / "report.md").write_text("old")
+    monkeypatch.setattr(replication.variations, "in_frequency", lambda *arguments: [])
+
+    def full_disk(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(replication, "draw_all", full_disk)
+    with pytest.raises(FileError, match="No space left"):
+        replication.replicate(study, quick=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["study"]
+    assert (study / "report.md").read_text() == "old"

@@ -1,0 +1,66 @@
+"""What a variation explains: verdicts that change beside the exact result at the same points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from freqrail import procedures, studies, time_variations
+from freqrail.claims import judge_all
+from freqrail.judging import FAILS, HOLDS, PARTLY, Finding
+from freqrail.procedures import Procedure
+from freqrail.time_variations import Trial
+from freqrail.timedomain import RESPONSES
+from freqrail.variations import Variation, relabelled
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The exact grid of the paper's study."""
+    return studies.grid()
+
+
+def finding(verdict: str) -> Finding:
+    return Finding(verdict, 0.0, "", "")
+
+
+def test_changes_are_counted_by_track():
+    exact = {"a": finding(FAILS), "b": finding(HOLDS), "c": finding(HOLDS)}
+    tracks = [
+        {"a": finding(HOLDS), "b": finding(FAILS), "c": finding(PARTLY)},
+        {"a": finding(PARTLY), "b": finding(HOLDS), "c": finding(HOLDS)},
+    ]
+    variation = Variation("question", "name", tracks, exact)
+    assert variation.changed == {"a": [HOLDS, PARTLY], "b": [FAILS], "c": [PARTLY]}
+    assert variation.mended == {"a": 2}
+    assert variation.lost == {"b": 1}
+    assert variation.at_once(["a", "b"]) == 1
+    assert [variation.count(verdict) for verdict in (HOLDS, PARTLY, FAILS)] == [1.5, 1.0, 0.5]
+
+
+def test_the_exact_values_relabelled_change_no_verdict(exact):
+    joint = np.concatenate([exact[f"{name}_rms"].transpose(..., "speed").values for name in RESPONSES], axis=2)
+    rigid = np.concatenate([exact[f"traditional_{name}_rms"].transpose(..., "speed").values for name in RESPONSES])
+    assert judge_all({"grid": relabelled(exact, joint, rigid)}) == judge_all({"grid": exact})
+
+
+def test_runs_of_both_scans_and_the_extreme_pairs_are_judged_beside_the_exact_ones(exact, monkeypatch):
+    monkeypatch.setattr(procedures, "DURATION", 2.0)
+    trials = (
+        ("start", Trial("level", Procedure())),
+        ("start", Trial("Newmark", Procedure(traditional="newmark"), "level")),
+    )
+    monkeypatch.setattr(time_variations, "TRIALS", trials)
+    monkeypatch.setattr(time_variations, "SPEEDS", (100.0, 250.0, 300.0))
+    simulated = []
+    level, newmark = time_variations.in_time(exact, studies.study_case(), simulated.append)
+    # 13 pairs of joints and the traditional model, then the traditional model alone, at three speeds
+    assert sum(simulated) == pytest.approx(2.0 * 3 * (14 + 1))
+    assert time_variations.simulated_seconds() == pytest.approx(20.0 * 3 * (14 + 1))
+    assert len(time_variations._pairs(exact)) == 13
+    for variation in (level, newmark):
+        assert len(variation.tracks) == 1
+        assert set(variation.tracks[0]) == set(variation.exact)
+        assert "RMS over the exact one: car body" in variation.note
+    # what the joints do to the primary stroke is too large for 2 s of chance to hide
+    assert level.tracks[0]["VI.A 4c"].verdict == level.exact["VI.A 4c"].verdict == HOLDS
