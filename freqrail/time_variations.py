@@ -155,15 +155,15 @@ def _variation(
     assert first is not None
     same_points = exact.copy()
     ratios = []
-    for name in (CAR, BOGIE):
+    for response in (CAR, BOGIE):
         words = []
-        for key in (f"{name}_rms", f"traditional_{name}_rms"):
+        for key in (f"{response}_rms", f"traditional_{response}_rms"):
             ratio = first[key] / exact[key]
             words.append(f"{float(ratio.min()):.2f} to {float(ratio.max()):.2f}")
-        ratios.append(f"{RESPONSES[name].long_name} {words[0]} with joints, {words[1]} without")
-    for name in RESPONSE_NAMES:
-        known = first[f"{name}_rms"].notnull().transpose(*exact[f"{name}_rms"].dims)
-        same_points[f"{name}_rms"] = exact[f"{name}_rms"].where(known)
+        ratios.append(f"{RESPONSES[response].long_name} {words[0]} with joints, {words[1]} without")
+    for response in RESPONSE_NAMES:
+        known = first[f"{response}_rms"].notnull().transpose(*exact[f"{response}_rms"].dims)
+        same_points[f"{response}_rms"] = exact[f"{response}_rms"].where(known)
     note = f"RMS over the exact one: {'; '.join(ratios)}"
     if records > 1:
         note += f" (first of {records} tracks)"
