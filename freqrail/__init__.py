@@ -28,7 +28,7 @@ _PUBLIC = {
     "write_result": "storage",
     "modes": "modal",
     "plot": "figures",
-    "replicate": "replication",
+    "replicate": "replication.folder",
     "FreqrailError": "errors",
     "FreqrailWarning": "errors",
 }
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from freqrail.errors import FreqrailError, FreqrailWarning
     from freqrail.figures import plot
     from freqrail.modal import modes
-    from freqrail.replication import replicate
+    from freqrail.replication.folder import replicate
     from freqrail.storage import open_result, write_result
 
 

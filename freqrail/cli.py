@@ -294,11 +294,11 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 @_JSON
 def replicate(quick: bool, output: str | None, as_json: bool) -> None:
     """Redo the paper's study and judge its claims: datasets, figures and a report."""
-    from freqrail import replication
+    from freqrail.replication import folder
 
     start = time.perf_counter()
-    with _progress("replicate", replication.steps(quick)) as advance:
-        done = replication.replicate(output, quick, advance)
+    with _progress("replicate", folder.steps(quick)) as advance:
+        done = folder.replicate(output, quick, advance)
     counts = done.counts
     facts = {
         "output": str(done.folder),
@@ -311,7 +311,7 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
         facts,
         as_json,
         ", ".join(f"{count} {verdict}" for verdict, count in counts.items()),
-        *([replication.LEFT_OUT] if quick else []),
+        *([folder.LEFT_OUT] if quick else []),
         f"written: {done.folder} (report.html, report.md, figures, datasets)",
     )
 

@@ -221,8 +221,11 @@ def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 @contextlib.contextmanager
-def opened(path: str | os.PathLike[str]) -> Iterator[xr.Dataset]:
-    """A result of freqrail, checked as `open_result` does, whose numbers are read as they are used."""
+def opened(path: str | os.PathLike[str], result: bool = True) -> Iterator[xr.Dataset]:
+    """A result of freqrail, checked as `open_result` does, whose numbers are read as they are used.
+
+    result: it must be that of a sweep or a confirmation; else any dataset that `write_result` wrote will do.
+    """
     source = Path(path)
     if "://" in str(path):
         raise InputError(f"{path}: only local files are read")
@@ -252,7 +255,9 @@ def opened(path: str | os.PathLike[str]) -> Iterator[xr.Dataset]:
                 f"{source}: changed since freqrail wrote it, or damaged: its content does not match its digest; "
                 "compute it anew"
             )
-        problems = [f"{source}: is no whole result of freqrail: {fault}" for fault in faults(dataset)]
+        problems = [
+            f"{source}: is no whole result of freqrail: {fault}" for fault in (faults(dataset) if result else ())
+        ]
         if problems:
             raise InputError(*problems)
         yield dataset

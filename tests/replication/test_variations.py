@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqrail import procedures, studies, time_variations
-from freqrail.claims import judge_all
-from freqrail.judging import FAILS, HOLDS, PARTLY, Finding
-from freqrail.procedures import Procedure
-from freqrail.time_variations import Trial
+from freqrail.replication import procedures, studies, time_variations
+from freqrail.replication.claims import judge_all
+from freqrail.replication.judging import FAILS, HOLDS, PARTLY, Finding
+from freqrail.replication.procedures import Procedure
+from freqrail.replication.time_variations import Trial
+from freqrail.replication.variations import Variation, relabelled
 from freqrail.timedomain import RESPONSES
-from freqrail.variations import Variation, relabelled
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from freqrail.document import Bullets, Heading, Image, Paragraph, Table, markdown, web_page
+from freqrail.replication.document import Bullets, Heading, Image, Paragraph, Table, markdown, web_page
 
 BLOCKS = [
     Heading(1, "A < B"),

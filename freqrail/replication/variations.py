@@ -16,15 +16,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import printed
 from freqrail.campaign import sweep
 from freqrail.case import Case
-from freqrail.claims import judge_all
 from freqrail.errors import FreqrailWarning
-from freqrail.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places, percent
 from freqrail.names import JOINTS, RESPONSES
+from freqrail.replication import printed
+from freqrail.replication.claims import judge_all
+from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places, percent
+from freqrail.replication.studies import CASE
 from freqrail.response import SERIES
-from freqrail.studies import CASE
 from freqrail.timedomain import RESPONSES as IN_ORDER
 from freqrail.track import Band
 

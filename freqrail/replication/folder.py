@@ -10,14 +10,14 @@ from pathlib import Path
 
 import xarray as xr
 
-from freqrail import document, studies, time_variations, variations
-from freqrail.claims import judge_all
 from freqrail.errors import FileError, InputError
-from freqrail.judging import VERDICTS, Finding
-from freqrail.replication_figures import FORMATS, draw_all, pictures
-from freqrail.report import compose
+from freqrail.replication import document, studies, time_variations, variations
+from freqrail.replication.claims import judge_all
+from freqrail.replication.figures import FORMATS, draw_all, pictures
+from freqrail.replication.judging import VERDICTS, Finding
+from freqrail.replication.report import compose
+from freqrail.replication.variations import Variation
 from freqrail.storage import write_result
-from freqrail.variations import Variation
 
 FOLDER = Path("results", studies.CASE)
 

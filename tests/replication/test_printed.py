@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqrail import grid, printed
+from freqrail import grid
+from freqrail.replication import printed
 from freqrail.timedomain import RESPONSES, readout
 from freqrail.vehicle import half_vehicle, state_space
 

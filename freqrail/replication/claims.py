@@ -14,8 +14,9 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from freqrail import judging
-from freqrail.judging import (
+from freqrail.names import JOINTS, RESPONSES
+from freqrail.replication import judging
+from freqrail.replication.judging import (
     GREAT,
     PLACES,
     SAME,
@@ -45,7 +46,6 @@ from freqrail.judging import (
     turns_away,
     whole,
 )
-from freqrail.names import JOINTS, RESPONSES
 
 PAPER_SPEED = 250.0  # km/h
 PAPER_POINT = {"speed": PAPER_SPEED, **dict.fromkeys(JOINTS, judging.OTHER_JOINT)}

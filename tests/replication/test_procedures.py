@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from freqrail import procedures
-from freqrail.procedures import ABSOLUTE, DURATION, RELATIVE, Procedure, run
 from freqrail.realisation import fixed_amplitudes, mean_square, sampled_track, spectral_lines, stream
+from freqrail.replication import procedures
+from freqrail.replication.procedures import ABSOLUTE, DURATION, RELATIVE, Procedure, run
 from freqrail.response import SERIES, chain_responses, track_response, wheel_lags
 from freqrail.timedomain import readout
 from freqrail.vehicle import half_vehicle, state_space

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from freqrail import judging
-from freqrail.claims import CLAIMS, PAPER_POINT
-from freqrail.judging import FAILS, HOLDS, PARTLY, VERDICTS
 from freqrail.names import JOINTS, RESPONSES
+from freqrail.replication import judging
+from freqrail.replication.claims import CLAIMS, PAPER_POINT
+from freqrail.replication.judging import FAILS, HOLDS, PARTLY, VERDICTS
 
 CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE = (name for name, response in RESPONSES.items() if response.paper)
 PRIMARY, SECONDARY = JOINTS

@@ -22,10 +22,19 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
 
-from freqrail.claims import BOGIE, CAR, PAPER_POINT, PAPER_SPEED, PRIMARY, PRIMARY_STROKE, SECONDARY, SECONDARY_STROKE
 from freqrail.figures import STYLE, save
-from freqrail.judging import OTHER_JOINT, PLACES
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES
+from freqrail.replication.claims import (
+    BOGIE,
+    CAR,
+    PAPER_POINT,
+    PAPER_SPEED,
+    PRIMARY,
+    PRIMARY_STROKE,
+    SECONDARY,
+    SECONDARY_STROKE,
+)
+from freqrail.replication.judging import OTHER_JOINT, PLACES
 
 FORMATS = ("svg", "png")
 

@@ -12,10 +12,21 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from freqrail import judging
-from freqrail.claims import CAR, CLAIMS, PAPER_POINT, PRIMARY, PRIMARY_STROKE, RESPONSE_NAMES, SECONDARY, Claim
-from freqrail.document import Block, Bullets, Heading, Image, Paragraph, Table
-from freqrail.judging import (
+from freqrail.names import RESPONSES
+from freqrail.replication import judging
+from freqrail.replication.claims import (
+    CAR,
+    CLAIMS,
+    PAPER_POINT,
+    PRIMARY,
+    PRIMARY_STROKE,
+    RESPONSE_NAMES,
+    SECONDARY,
+    Claim,
+)
+from freqrail.replication.document import Block, Bullets, Heading, Image, Paragraph, Table
+from freqrail.replication.figures import Picture
+from freqrail.replication.judging import (
     ALIKE,
     EVERYWHERE,
     FAILS,
@@ -35,12 +46,10 @@ from freqrail.judging import (
     low,
     whole,
 )
-from freqrail.names import RESPONSES
-from freqrail.procedures import DURATION
-from freqrail.replication_figures import Picture
-from freqrail.studies import TABLE_I
+from freqrail.replication.procedures import DURATION
+from freqrail.replication.studies import TABLE_I
+from freqrail.replication.variations import Variation
 from freqrail.summary import number
-from freqrail.variations import Variation
 from freqrail.vehicle import Vehicle, poles
 
 _PAPER = (
