@@ -136,8 +136,11 @@ def survives(module: str, tree: ast.Module, tests: list[str]) -> bool:
         null = os.open(os.devnull, os.O_RDWR)
         for stream in (1, 2):
             os.dup2(null, stream)
+        import hypothesis
         import pytest
 
+        hypothesis.settings.register_profile("mutation", derandomize=True, database=None)
+        hypothesis.settings.load_profile("mutation")
         sys.meta_path.insert(0, Changed(f"freqrail.{module}", tree))
         paths = [str(ROOT / "tests" / test) for test in tests]
         os._exit(min(1, int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--no-header", *paths]))))

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import ALL_NAMES, INDEX, density, explicit_responses, lagged, output_matrices, random_vehicles, read_off
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import simpson
 
@@ -47,6 +47,7 @@ every_model = pytest.mark.parametrize("vehicle", MODELS.values(), ids=MODELS.key
 every_series = pytest.mark.parametrize("name", ALL_NAMES)
 
 OMEGA = 2 * np.pi * np.geomspace(1e-3, 1e3, 601)
+EPSILON = np.finfo(float).eps
 
 
 def from_chains(name: str, vehicle: Vehicle, omega: np.ndarray, speed: float) -> np.ndarray:
@@ -139,6 +140,7 @@ def test_a_grid_of_vehicles_is_answered_vehicle_by_vehicle(name, paper_vehicle):
     seed=st.integers(0, 10**6),
     speed=st.floats(3.0, 160.0),
 )
+@example(seed=1591, speed=90.171875)  # at 177 rad/s half the wheelbase is a quarter of the wave but for 8e-5
 def test_columns_times_powers_are_the_square_of_the_sum(name, seed, speed):
     """|T|^2 as seven real columns of the lags times powers of the vehicle, none of which knows of the other."""
     (vehicle,) = random_vehicles(1, seed)
@@ -151,7 +153,8 @@ def test_columns_times_powers_are_the_square_of_the_sum(name, seed, speed):
         signs = column_signs(position)
         powers = list(column_powers(series, vehicle, omega, chains, top_products(chains)))
         terms = np.array([signs[column] * power * columns[column, :, 0] for column, power in powers])
-        loss = 1e-12 * np.sum(np.abs(terms), axis=0)
+        # where a cosine vanishes, what is left of it is the rounding of its angle
+        loss = 1e-12 * np.sum(np.abs(terms), axis=0) + 8 * EPSILON * np.sum(np.abs([p for _, p in powers]), axis=0)
         assert np.all(np.abs(np.sum(terms, axis=0) - square[place]) <= loss)
 
 
