@@ -362,3 +362,9 @@ def test_psds_of_a_grid_are_those_of_its_vehicles_and_speeds(paper_vehicle, germ
                 one = replace(paper_vehicle, primary_joint_stiffness=k)
                 expected = response_psd(SERIES[name], one, german_low, frequency, speed)
                 np.testing.assert_allclose(found[name][:, i, j], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("chain", CHAINS)
+def test_ratios_are_per_unit_displacement_of_the_top_body(chain, paper_vehicle):
+    response = chain_response(paper_vehicle, chain, OMEGA)
+    assert np.all(response.ratios["bogie" if chain == "bogie_pitch" else "car"] == 1)
