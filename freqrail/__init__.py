@@ -15,7 +15,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from freqrail.version import __version__
 
 # Public names and the modules that hold them; loaded on first use, so that `freqrail --help` and
 # `import freqrail` cost nothing.

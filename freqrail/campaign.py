@@ -13,12 +13,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import __version__, blocks, dataset, grid, storage
+from freqrail import blocks, dataset, grid, storage
 from freqrail.blocks import Block
 from freqrail.case import Case, load_case
 from freqrail.errors import InputError
 from freqrail.journal import Journal
 from freqrail.plan import Plan, check_memory, warn_of_rigid_rail
+from freqrail.version import __version__
 
 Progress = Callable[[int], object]
 Executor = Callable[[Plan, Sequence[Block], Progress], Iterable[tuple[Block, Mapping[str, NDArray]]]]

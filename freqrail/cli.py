@@ -23,8 +23,8 @@ from typing import Any
 
 import click
 
-from freqrail import __version__
 from freqrail.errors import FileError, FreqrailError, FreqrailWarning, InputError, NumericalError
+from freqrail.version import __version__
 
 PLOT_FORMATS = ("png", "svg", "pdf")
 

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail import __version__, blocks
+from freqrail import blocks
 from freqrail.blocks import Block
 from freqrail.campaign import Executor, Progress
 from freqrail.errors import FileError, FreqrailWarning, InputError
 from freqrail.grid import processors
 from freqrail.plan import Plan
+from freqrail.version import __version__
 
 TIMEOUT = 10.0
 """Seconds to wait for a scheduler to answer."""

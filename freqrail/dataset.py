@@ -21,11 +21,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import __version__, grid
+from freqrail import grid
 from freqrail.case import Case
 from freqrail.names import DIMENSIONS, PARAMETERS, RESPONSES
 from freqrail.plan import Plan, band_text
 from freqrail.quantities import Axis
+from freqrail.version import __version__
 
 SCHEMA_VERSION = 1
 PIECE = 16_000_000  # bytes of a variable that are read at once while its digest is made

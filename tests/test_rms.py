@@ -108,8 +108,16 @@ def test_panels_close_in_on_a_narrow_pole(damping):
 def test_panels_are_short_against_the_lag():
     edges = rms.panel_edges(np.array([1.0, 3000.0]), np.array([-1e9 + 0j]), longest_lag=0.5)
     assert np.max(np.diff(edges)) * 0.5 <= rms.PHASE_REACH
+    assert np.max(np.diff(edges)) * 0.5 == pytest.approx(rms.PHASE_REACH)  # and no shorter than that
     finer = rms.panel_edges(np.array([1.0, 3000.0]), np.array([-1e9 + 0j]), longest_lag=0.5, refine=4.0)
     assert np.max(np.diff(finer)) * 0.5 <= rms.PHASE_REACH / 4
+
+
+def test_the_fewest_nodes_are_those_that_the_lags_call_for():
+    """Where no pole is near, the rule has as many nodes, but for the last panel, which may be short."""
+    given, lag = np.array([1.0, 3000.0]), 5.0
+    rule = rms.quadrature(rms.panel_edges(given, np.array([-1e9 + 0j]), lag))
+    assert 0 <= rule.omega.size - rms.fewest_nodes(given, lag) < 21
 
 
 def test_no_panel_straddles_an_edge_that_was_given():
@@ -158,6 +166,28 @@ def test_each_speed_is_integrated_over_its_own_wavelengths(paper_vehicle):
         expected = reference_rms(paper_vehicle, TRACK, speed, 2 * np.pi * speed / 60, 2 * np.pi * speed / 2)
         for name in PAPER_NAMES:
             np.testing.assert_allclose(np.sqrt(squares[name].value[:, k]), expected[name], rtol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (5, 7)])
+def test_as_many_speeds_and_vehicles_as_one_likes(paper_vehicle, shape):
+    """More than one product holds, whose sizes are small: the values are those of single speeds, one by one."""
+    joints = np.geomspace(1e6, 1e8, int(np.prod(shape))).reshape(shape)
+    vehicle = replace(paper_vehicle, primary_joint_stiffness=joints[..., None] if shape else 5e6)
+    speeds = np.linspace(20.0, 90.0, 2 * rms.SPEEDS + 7)
+    limits = np.repeat(BAND[:, None], speeds.size, axis=1)
+    rule = rms.quadrature(package_edges(soft(paper_vehicle), speeds[0], BAND))
+
+    def squares(some: slice) -> dict[str, rms.MeanSquare]:
+        nodes = rms.weighted_nodes(paper_vehicle, TRACK, rule, speeds[some], limits[:, some], most=100)
+        return rms.mean_squares(vehicle, PAPER_NAMES, nodes)
+
+    together = squares(slice(None))
+    for k in (0, rms.SPEEDS - 1, rms.SPEEDS, speeds.size - 1):
+        alone = squares(slice(k, k + 1))
+        for name in PAPER_NAMES:
+            assert together[name].value.shape[1:] == (*shape, speeds.size)
+            np.testing.assert_allclose(together[name].value[..., k], alone[name].value[..., 0], rtol=1e-12)
+            np.testing.assert_allclose(together[name].error[..., k], alone[name].error[..., 0], rtol=1e-3)
 
 
 @pytest.mark.parametrize("which", ["softest", "paper"])
