@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import dataset, grid
+from freqrail.nodes import SharedNodes, shared_nodes
 from freqrail.plan import Plan
+from freqrail.study import cells
+from freqrail.study import cut as cut_grid
 
 POINTS = 250_000
 """Most grid points of a block; with spectra, points times frequencies."""
@@ -22,7 +25,7 @@ POINTS = 250_000
 
 @dataclass(frozen=True)
 class Block:
-    """A part of a model's grid. cell: along the axes of `grid.Study.vehicle`; place: along the swept parameters."""
+    """A part of a model's grid. cell: along the axes of `Study.vehicle`; place: along the swept parameters."""
 
     prefix: str
     cell: tuple[slice, ...]
@@ -40,7 +43,7 @@ def cut(plan: Plan) -> list[Block]:
     for prefix, study in plan.studies.items():
         lines = plan.frequency.si.size if plan.frequency is not None else 1
         swept = [axis.name for axis in plan.axes(prefix)]
-        for cell in grid.cells(study.vehicle.shape, max(1, POINTS // (study.speed.size * lines))):
+        for cell in cells(study.vehicle.shape, max(1, POINTS // (study.speed.size * lines))):
             place = list(cell)
             if "speed" in swept:
                 place.insert(swept.index("speed"), slice(0, study.speed.size))
@@ -54,21 +57,21 @@ def points(plan: Plan, block: Block) -> int:
     return inside * (2 if plan.frequency is not None else 1)
 
 
-def nodes(plan: Plan) -> dict[str, grid.SharedNodes | None]:
+def nodes(plan: Plan) -> dict[str, tuple[SharedNodes, ...]]:
     """The quadrature nodes of both models' whole grids, for `compute`."""
-    return {prefix: grid.shared_nodes(study) for prefix, study in plan.studies.items()}
+    return {prefix: shared_nodes(study) for prefix, study in plan.studies.items()}
 
 
 def compute(
     plan: Plan,
     block: Block,
-    shared: Mapping[str, grid.SharedNodes | None],
+    shared: Mapping[str, tuple[SharedNodes, ...]],
     jobs: int = 1,
     progress: grid.Progress = lambda points: None,
 ) -> dict[str, NDArray]:
     """The numbers of a block by variable, in the order of the variable's dimensions."""
     whole = plan.studies[block.prefix]
-    study = replace(whole, vehicle=grid.cut(whole.vehicle, block.cell))
+    study = replace(whole, vehicle=cut_grid(whole.vehicle, block.cell))
     solution = grid.solve(study, jobs, progress, shared[block.prefix])
     spectra = grid.psd(study, plan.frequency.si, progress) if plan.frequency is not None else None
     return dataset.arrays(plan, block.prefix, solution, spectra)

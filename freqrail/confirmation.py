@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from freqrail import grid, timedomain, workers
 from freqrail.evidence import label
 from freqrail.runs import Points, Run, check_cost, plan_run
+from freqrail.study import Study
 from freqrail.timedomain import Evidence, Plan
 from freqrail.track import Band
 
@@ -87,7 +88,7 @@ def _reference(point: timedomain.Point, plan: Plan) -> NDArray[np.float64]:
     """RMS over the band by the frequency-domain kernel of `sweep`: [model, series]."""
     values = []
     for vehicle in (point.vehicle, point.vehicle.traditional()):
-        study = grid.Study(
+        study = Study(
             vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *plan.limits), timedomain.RESPONSES
         )
         rms = grid.solve(study).rms

@@ -16,6 +16,7 @@ from freqrail.errors import FreqrailWarning, InputError
 from freqrail.modal import modes
 from freqrail.names import JOINTS, RESPONSES, suggestion
 from freqrail.quantities import Axis
+from freqrail.study import Study
 from freqrail.track import Band, band_limits
 
 PSD_POINTS = 400
@@ -30,7 +31,7 @@ class Plan:
     case: Case
     names: tuple[str, ...]
     frequency: Axis | None
-    studies: Mapping[str, grid.Study]
+    studies: Mapping[str, Study]
 
     @classmethod
     def of(cls, case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Plan:
@@ -42,7 +43,7 @@ class Plan:
             names=names,
             frequency=frequency,
             studies={
-                prefix: grid.Study(
+                prefix: Study(
                     vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
                     speed=part.speeds(),
                     spectrum=part.spectrum,

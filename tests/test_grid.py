@@ -20,6 +20,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from freqrail import grid, rms
 from freqrail.response import SERIES, chain_responses, track_response
+from freqrail.study import Study
 from freqrail.track import Band, RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.vehicle import Vehicle, chain_system, poles, state_space
 
@@ -36,7 +37,7 @@ def solve(
     spectrum: RationalSpectrum = TRACK,
     jobs: int = 1,
 ) -> grid.Solution:
-    return grid.solve(grid.Study(vehicle, np.asarray(speeds, dtype=float), spectrum, band, names), jobs)
+    return grid.solve(Study(vehicle, np.asarray(speeds, dtype=float), spectrum, band, names), jobs)
 
 
 def assert_ok(solution: grid.Solution) -> None:
@@ -161,7 +162,7 @@ def test_the_size_of_blocks_changes_no_bit(table_i, monkeypatch, count):
 @pytest.mark.parametrize("band", BANDS)
 def test_progress_counts_every_point_once(corners, band):
     done: list[int] = []
-    study = grid.Study(corners, np.array([30.0, 60.0, 80.0]), TRACK, band, PAPER_NAMES)
+    study = Study(corners, np.array([30.0, 60.0, 80.0]), TRACK, band, PAPER_NAMES)
     grid.solve(study, jobs=2, progress=done.append)
     assert sum(done) == np.prod(study.shape) == 18
 
@@ -446,7 +447,7 @@ def test_a_tabulated_spectrum_is_integrated_between_its_kinks(paper_vehicle):
     points, values = np.array([0.02, 0.1, 0.6, 2.5, 8.0]), np.array([3e-4, 9e-5, 2e-7, 6e-9, 1e-10])
     table = TabulatedSpectrum("measured", tuple(points), tuple(values))
     speed, names = 180 * KMH, ("car_body_acceleration", "primary_stroke")
-    solution = grid.solve(grid.Study(paper_vehicle, np.array([speed]), table, None, names))
+    solution = grid.solve(Study(paper_vehicle, np.array([speed]), table, None, names))
     assert np.all(solution.status == 0)
     x, w = np.polynomial.legendre.leggauss(400)
     ends = points * speed

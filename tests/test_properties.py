@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 import freqrail
 from freqrail import grid
 from freqrail.response import SERIES, chain_responses, system_response, track_response
+from freqrail.study import Study, cells
 from freqrail.track import Band, RationalSpectrum
 from freqrail.vehicle import Vehicle, half_vehicle, poles
 
@@ -38,7 +39,7 @@ bands = st.sampled_from(BANDS)
 
 
 def solve(vehicle: Vehicle, speed: object, band: Band | None, track: RationalSpectrum = TRACK, **options: int):
-    return grid.solve(grid.Study(vehicle, np.atleast_1d(speed), track, band, ALL_NAMES), **options)
+    return grid.solve(Study(vehicle, np.atleast_1d(speed), track, band, ALL_NAMES), **options)
 
 
 def same_bits(one: grid.Solution, other: grid.Solution) -> bool:
@@ -202,4 +203,4 @@ def test_blocks_and_jobs_change_no_bit(vehicle, block, jobs, band):
 def test_the_grid_above_is_cut_into_several_blocks():
     """Else the tests above would show nothing."""
     shape = tuple(values.size for values in AXES.values())
-    assert [len(grid.cells(shape, block)) for block in (1, 7)] == [60, 24]
+    assert [len(cells(shape, block)) for block in (1, 7)] == [60, 24]

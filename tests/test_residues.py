@@ -11,6 +11,7 @@ import pytest
 
 from freqrail import grid, residues
 from freqrail.response import SERIES, chain_responses
+from freqrail.study import Study
 from freqrail.track import RationalSpectrum
 from freqrail.vehicle import CHAINS, Vehicle, half_vehicle, hertzian_contact_stiffness, state_space, static_wheel_load
 
@@ -86,13 +87,13 @@ def test_closed_form_and_quadrature_agree_on_the_paper_grid(paper_vehicle, germa
         secondary_joint_stiffness=stiffness[None, :],
     )
     names = tuple(name for name in SERIES if name != "wheelset_acceleration")  # whose tail the quadrature only bounds
-    study = grid.Study(vehicles, np.array([20.0, 100, 250, 600]) * KMH, german_low, None, names)
+    study = Study(vehicles, np.array([20.0, 100, 250, 600]) * KMH, german_low, None, names)
     squares = residues.mean_squares(vehicles, names, german_low, study.speed)
     for index in np.ndindex(3, 3):
         own = grid._own_quadrature(study, index)
         for name in names:
-            exact, other = squares[name].value[:, *index], own[name].value[:, 0, 0]
-            allowed = squares[name].error[:, *index] + own[name].error[:, 0, 0]
+            exact, other = squares[name].value[:, *index], own[name].value
+            allowed = squares[name].error[:, *index] + own[name].error
             assert np.all(np.abs(exact - other) <= allowed)
             assert np.max(np.abs(other / exact - 1)) < 1e-8
 
@@ -117,7 +118,7 @@ def test_nothing_happens_where_two_poles_merge(paper_vehicle, german_low, joint,
 def test_nothing_happens_where_a_vehicle_pole_meets_a_track_pole(paper_vehicle, german_low):
     """77.84414 km/h on the paper's case, and a hair beside: quadrature does not know that anything is special there."""
     offsets = np.array([-2e-3, -1e-3, -1e-5, -1e-8, 0, 1e-9, 1e-6, 1e-4, 1.1e-3])
-    study = grid.Study(paper_vehicle, 77.84414 * (1 + offsets) * KMH, german_low, None, NAMES[:4])
+    study = Study(paper_vehicle, 77.84414 * (1 + offsets) * KMH, german_low, None, NAMES[:4])
     squares = residues.mean_squares(paper_vehicle, study.names, german_low, study.speed)
     own = grid._own_quadrature(study, ())
     for name in study.names:
@@ -149,7 +150,7 @@ def test_softer_joints_own_up_to_a_larger_error(paper_vehicle, german_low):
 def test_equal_cutoffs_are_left_to_quadrature(paper_vehicle):
     double = RationalSpectrum("rational", 4.032e-7, (0.5, 0.5))
     assert not residues.applies(double)
-    study = grid.Study(paper_vehicle, np.array([250 * KMH]), double, None, NAMES[:4])
+    study = Study(paper_vehicle, np.array([250 * KMH]), double, None, NAMES[:4])
     solution = grid.solve(study)
     assert np.all(solution.method == grid.METHOD.index("own_quadrature"))
     near = RationalSpectrum("rational", 4.032e-7, (0.5, 0.502))
@@ -174,7 +175,7 @@ def test_equal_cutoffs_are_left_to_quadrature(paper_vehicle):
 def test_a_residue_that_rounding_spoils_is_found_out(paper_vehicle, german_low, change, speed):
     """Soft secondary joints, slow and fast overdamped poles: the estimate covers the error, the grid mends it."""
     vehicle = replace(paper_vehicle, **change)
-    study = grid.Study(vehicle, np.array([speed * KMH]), german_low, None, NAMES[:4])
+    study = Study(vehicle, np.array([speed * KMH]), german_low, None, NAMES[:4])
     squares = residues.mean_squares(vehicle, study.names, german_low, study.speed)
     own, solution = grid._own_quadrature(study, ()), grid.solve(study)
     for name in study.names:

@@ -32,6 +32,7 @@ from freqrail.response import (
     track_response,
     wheel_lags,
 )
+from freqrail.study import Study
 from freqrail.track import Band
 from freqrail.vehicle import CHAINS, Vehicle, chain_system, half_vehicle, leg_dynamic_stiffness, state_space
 
@@ -342,7 +343,7 @@ def test_psd_adds_up_to_the_rms(model, paper_vehicle, german_low):
     vehicle = paper_vehicle if model == "joints" else paper_vehicle.traditional()
     speed, low, high = 250 / 3.6, 0.3, 60.0
     frequency = np.linspace(low, high, 60_001)
-    study = grid.Study(vehicle, np.array([speed]), german_low, Band("frequency", low, high), ALL_NAMES)
+    study = Study(vehicle, np.array([speed]), german_low, Band("frequency", low, high), ALL_NAMES)
     solution = grid.solve(study)
     for name in ALL_NAMES:
         psd = response_psd(SERIES[name], vehicle, german_low, frequency, speed)
@@ -354,7 +355,7 @@ def test_psds_of_a_grid_are_those_of_its_vehicles_and_speeds(paper_vehicle, germ
     stiffness, speeds = np.array([0.5e6, 50e6]), np.array([30.0, 60.0, 80.0])
     frequency = np.geomspace(0.1, 100, 20)
     many = replace(paper_vehicle, primary_joint_stiffness=stiffness)
-    found = grid.psd(grid.Study(many, speeds, german_low, None, ALL_NAMES), frequency)
+    found = grid.psd(Study(many, speeds, german_low, None, ALL_NAMES), frequency)
     for name in ALL_NAMES:
         assert found[name].shape == (len(SERIES[name].positions), 2, 3, 20)
         for i, k in enumerate(stiffness):

@@ -12,6 +12,7 @@ from freqrail import grid, timedomain
 from freqrail.errors import InputError
 from freqrail.integrators import Accuracy
 from freqrail.realisation import gaussian_amplitudes, mean_square, spectral_lines, stream
+from freqrail.study import Study
 from freqrail.timedomain import MODELS, RESPONSES, SERIES_COUNT, Plan, Point, Simulated
 from freqrail.track import Band, RationalSpectrum
 from freqrail.vehicle import half_vehicle, state_space
@@ -29,7 +30,7 @@ def reference(point: Point, band=BAND) -> np.ndarray:
     """The numbers under test: RMS over the continuous spectrum, [model, series]."""
     rows = []
     for vehicle in (point.vehicle, point.vehicle.traditional()):
-        study = grid.Study(vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *band), RESPONSES)
+        study = Study(vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *band), RESPONSES)
         rms = grid.solve(study).rms
         rows.append(np.concatenate([rms[name][:, 0] for name in RESPONSES]))
     return np.array(rows)

@@ -22,6 +22,7 @@ import numpy as np
 import freqrail
 from freqrail import grid
 from freqrail.names import RESPONSES
+from freqrail.study import Study
 from tests.bench.peers import PEERS, user_loop
 from tests.helpers import reference_rms, residue_rms
 
@@ -41,14 +42,14 @@ def median(function, runs: int) -> float:
     return float(np.median(times))
 
 
-def single(study: grid.Study) -> np.ndarray:
+def single(study: Study) -> np.ndarray:
     """The eleven numbers of a study with one vehicle and one speed."""
     solution = grid.solve(study)
     return np.concatenate([solution.rms[name][:, 0] for name in NAMES])
 
 
-def study_of(case, band, speeds=None, vehicle=None) -> grid.Study:
-    return grid.Study(
+def study_of(case, band, speeds=None, vehicle=None) -> Study:
+    return Study(
         vehicle or case.vehicle,
         np.atleast_1d(case.speed if speeds is None else speeds),
         case.spectrum,

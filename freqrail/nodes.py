@@ -1,0 +1,138 @@
+"""Where to evaluate a grid: which speeds to take together, and quadrature nodes that many vehicles can share.
+
+The grid's vehicles share one set of nodes where that is cheap, because then the speed axis of every block is one
+matrix product. All of it depends on the grid alone, never on how that is cut into blocks or on the number of workers.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail import residues, rms
+from freqrail.study import Study, cut
+from freqrail.track import kinks, singular_points
+from freqrail.vehicle import CHAINS, Vehicle, poles
+
+SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
+SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
+SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
+SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
+WHOLE_AXIS_REACH = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
+GROUP_NODES, GROUP_SPEEDS = 2000, 500  # up to so many nodes, speeds of any range are taken together, and so many
+LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may take: about a second
+OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by this
+
+
+@dataclass(frozen=True)
+class SharedNodes:
+    """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own; `rms.rounding` [m].
+
+    speeds: [m], which of the grid's speeds they are for. They depend on the whole grid: a part of it takes those of
+    the whole, and so gets the same bits.
+    """
+
+    speeds: NDArray[np.intp]
+    edges: NDArray[np.float64] | None
+    lost: NDArray[np.float64]
+
+
+def in_closed_form(study: Study) -> bool:
+    """Whether a study needs no nodes: the whole axis below a rational spectrum."""
+    return study.band is None and residues.applies(study.spectrum)
+
+
+def shared_nodes(study: Study) -> tuple[SharedNodes, ...]:
+    """Nodes for the whole grid, group by group of its speeds; none where the closed form needs none."""
+    if in_closed_form(study):
+        return ()
+    sample = replace(study, vehicle=_sample(study.vehicle))
+    resonances = np.concatenate([residues.chain_poles(sample.vehicle, chain).ravel() for chain in CHAINS])
+    resonances = resonances[np.isfinite(resonances)]
+    all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
+    return tuple(_shared(sample, group, resonances, all_known) for group in speed_groups(sample, resonances))
+
+
+def _shared(study: Study, speeds: NDArray[np.intp], resonances: NDArray[np.complex128], all_known: bool) -> SharedNodes:
+    """Nodes for some of the speeds. all_known: the resonances are those of every vehicle of the grid."""
+    study = replace(study, speed=study.speed[speeds])
+    if np.isinf(study.limits).any():
+        return SharedNodes(speeds, None, np.array(np.nan))  # the bound of what lies beyond is each vehicle's own
+    first, lag = first_edges(study, resonances), _longest_lag(study)
+    inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
+    if not all_known and np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
+        # between the vehicles sampled, such a peak could pass through the nodes
+        return SharedNodes(speeds, None, np.array(np.nan))
+    lost = rms.rounding(resonances, study.limits)
+    most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
+    if rms.fewest_nodes(first, lag) > most:
+        return SharedNodes(speeds, None, lost)
+    everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
+    edges = rms.panel_edges(first, everything, lag)
+    return SharedNodes(speeds, edges if (edges.size - 1) * rms.PANEL_NODES <= most else None, lost)
+
+
+def speed_groups(study: Study, resonances: NDArray[np.complex128]) -> list[NDArray[np.intp]]:
+    """Indices of the speeds to take together, the fastest first.
+
+    The slower the train, the longer the lags and the more nodes they need; and where the band is one of wavelengths,
+    every speed's own edges end panels. A group grows until it needs GROUP_NODES and twice what its fastest needs alone.
+    """
+    order = np.argsort(-study.speed, kind="stable")
+
+    def needed(count: int) -> float:
+        return _fewest_nodes(replace(study, speed=study.speed[order[:count]]), resonances)
+
+    groups = []
+    while order.size:
+        room = max(GROUP_NODES, 2 * needed(1))
+        count = bisect.bisect_right(range(1, min(order.size, GROUP_SPEEDS) + 1), room, key=needed)
+        groups.append(np.sort(order[:count]))
+        order = order[count:]
+    return groups
+
+
+def own_edges(study: Study, vehicle: Vehicle) -> NDArray[np.float64] | None:
+    """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many."""
+    resonances = poles(vehicle)
+    study = replace(study, vehicle=vehicle)
+    if not np.isfinite(resonances).all():
+        return None
+    first, lag = first_edges(study, resonances), _longest_lag(study)
+    if 2 * rms.fewest_nodes(first, lag) * study.speed.size > LARGEST_RULE:
+        return None
+    everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
+    return rms.panel_edges(first, everything, lag, OWN_REFINEMENT)
+
+
+def first_edges(study: Study, resonances: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The edges a panel must not straddle: every speed's own band, or 0 and the end of the nodes, and all kinks."""
+    limits = study.limits
+    ends = np.where(np.isinf(limits), WHOLE_AXIS_REACH * np.max(np.abs(resonances.imag), initial=1.0), limits)
+    points = kinks(study.spectrum, study.speed)
+    return np.unique(np.concatenate([ends.ravel(), points[(points > limits[0]) & (points < limits[1])]]))
+
+
+def _fewest_nodes(study: Study, resonances: NDArray[np.complex128]) -> float:
+    """Nodes that the lags and the edges alone call for, whatever the resonances."""
+    first = first_edges(study, resonances)
+    return rms.fewest_nodes(first, _longest_lag(study)) + rms.PANEL_NODES * (first.size - 1)
+
+
+def _longest_lag(study: Study) -> float:
+    """The last wheel's lag behind the first at the lowest speed, s (eq. 2), the largest of all vehicles'."""
+    vehicle = study.vehicle
+    return float(np.max(vehicle.half_bogie_spacing + vehicle.half_wheelbase)) * 2 / float(study.speed.min())
+
+
+def _sample(vehicle: Vehicle) -> Vehicle:
+    """At most about SAMPLES vehicles of the grid, evenly over every axis, its two ends among them."""
+    varying = sum(n > 1 for n in vehicle.shape)
+    limit = max(2, int(SAMPLES ** (1 / varying))) if varying else 1
+    return cut(
+        vehicle, tuple(np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in vehicle.shape)
+    )
