@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +38,7 @@ def test_every_speed_is_in_one_group_whatever_the_order(paper_vehicle, band):
     assert sorted(np.concatenate(found)) == list(range(speeds.size))
     assert all(np.all(np.diff(group) > 0) for group in found)
     ranges = [(speeds[group].min(), speeds[group].max()) for group in found]
-    assert all(slower[1] < faster[0] for faster, slower in zip(ranges, ranges[1:], strict=False))
+    assert all(slower[1] < faster[0] for faster, slower in itertools.pairwise(ranges))
 
 
 def test_the_papers_speeds_are_one_group(paper_vehicle):
@@ -92,7 +93,7 @@ def test_from_walking_pace_to_600_km_h_each_speed_has_the_number_it_has_alone(pa
 
 def test_a_part_of_a_grid_takes_the_nodes_of_the_whole_and_so_its_bits(paper_vehicle):
     many = replace(paper_vehicle, primary_joint_stiffness=np.geomspace(1e6, 1e8, 12))
-    whole = study(many, WALKING)
+    whole = study(many, WALKING[2:])
     together = grid.solve(whole)
     part = grid.solve(
         replace(whole, vehicle=replace(many, primary_joint_stiffness=many.primary_joint_stiffness[4:7])),

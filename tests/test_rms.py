@@ -105,6 +105,26 @@ def test_panels_close_in_on_a_narrow_pole(damping):
     assert edges.size < 60 + 10 * np.log2(1 / damping)  # in a geometric progression, not in steps
 
 
+@pytest.mark.parametrize("before", [0.0, 1.0, 2.0, 2.25, 2.35])
+def test_a_pole_within_a_panel_allows_a_multiple_of_its_width(before):
+    """From wherever the panel starts, as long as it reaches the pole; `before` in half-widths."""
+    pole = np.array([-10.0 + 1000j])
+    edges = rms.panel_edges(np.array([1000.0 - 10 * before, 3000.0]), pole, longest_lag=0.0)
+    assert edges[1] - edges[0] == pytest.approx(10 * rms.POLE_REACH)
+
+
+def test_an_undamped_pole_is_passed_in_steps_that_rounding_can_tell_apart():
+    edges = rms.panel_edges(np.array([1.0, 3000.0]), np.array([1225j]), longest_lag=0.0)
+    assert np.all(np.diff(edges) > 0)
+    assert np.min(np.diff(edges)) == pytest.approx(1225 * rms.NARROWEST, rel=0.2)  # of numbers whose last bit is 2e-13
+    assert edges.size < 200
+
+
+def test_the_last_panel_is_never_empty():
+    edges = rms.panel_edges(np.array([0.0, 2 * rms.PHASE_REACH]), np.array([-1e9 + 0j]), longest_lag=1.0)
+    assert edges.tolist() == [0.0, rms.PHASE_REACH, 2 * rms.PHASE_REACH]
+
+
 def test_panels_are_short_against_the_lag():
     edges = rms.panel_edges(np.array([1.0, 3000.0]), np.array([-1e9 + 0j]), longest_lag=0.5)
     assert np.max(np.diff(edges)) * 0.5 <= rms.PHASE_REACH
@@ -275,6 +295,40 @@ def test_the_estimate_knows_what_a_narrow_resonance_makes_of_rounding(paper_vehi
     expected = reference_rms(vehicle, TRACK, speed, *limits, transfer=from_chains, nodes=32)
     for name, (found, estimate) in package(vehicle, speed, limits, refine=2.0).items():
         assert np.all(np.abs(found / expected[name] - 1) <= estimate)
+
+
+@pytest.mark.parametrize(
+    ("pole", "limits", "sharpness"),
+    [
+        (-0.1 + 100j, (10.0, 1000.0), 1000.0),  # one over twice the damping ratio, but for the factor 2
+        (-0.1 + 100j, (10.0, np.inf), 1000.0),
+        (-1.0 + 2000j, (10.0, 1000.0), 2.0),  # beyond the band: as far off as the band's end is from it
+        (-1.0 + 2000j, (4000.0, 5000.0), 1.0),
+        (-3.0 + 0j, (10.0, 1000.0), 0.0),  # no resonance
+    ],
+)
+def test_rounding_counts_how_sharp_a_resonance_the_band_sees(pole, limits, sharpness):
+    lost = rms.rounding(np.array([pole]), np.array(limits)[:, None]) - rms.ROUNDING
+    narrow = limits[1] / (limits[1] - limits[0]) if np.isfinite(limits[1]) else 1.0
+    assert lost == pytest.approx(4 * np.finfo(float).eps * (sharpness + narrow), rel=1e-3)
+
+
+def test_the_sharpest_of_the_resonances_counts():
+    sharp, blunt, limits = -0.1 + 100j, -10 + 100j, np.array([[10.0], [1000.0]])
+    both, alone = (rms.rounding(np.array(some), limits) for some in ([blunt, sharp], [sharp]))
+    assert both == alone
+    assert alone > rms.rounding(np.array([blunt]), limits)
+
+
+def test_the_bound_beyond_the_last_node_is_exact_for_a_mass_on_its_spring(paper_vehicle):
+    """Far up |T| of a wheelset is K_H/M_w in every chain and G falls with omega^-4: 3 times 3 times the integral."""
+    speed, cutoff = 60.0, 2 * np.pi * 1e5
+    (bound,) = rms.truncation_bound(
+        paper_vehicle, ("wheelset_acceleration",), TRACK, np.array([speed]), cutoff
+    ).values()
+    power = (paper_vehicle.contact_stiffness / paper_vehicle.wheelset_mass) ** 2
+    tail = TRACK.roughness * TRACK.cutoffs[1] ** 2 * speed**3 / (3 * cutoff**3)
+    np.testing.assert_allclose(bound, 9 * power * tail, rtol=1e-3)
 
 
 def test_what_lies_beyond_the_last_node_is_bounded(paper_vehicle):
