@@ -17,6 +17,7 @@ import re
 import signal
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,7 +30,9 @@ TESTS = {
     "response": ["test_response.py"],
     "rms": ["test_rms.py"],
     "residues": ["test_residues.py"],
-    "grid": ["test_grid.py", "test_properties.py"],
+    "study": ["test_study.py"],
+    "nodes": ["test_nodes.py"],
+    "grid": ["test_grid.py", "test_nodes.py", "test_properties.py"],
 }
 
 OPERATORS: dict[type, type] = {
@@ -164,7 +167,11 @@ def main() -> int:
         if not survives(module, tree, tests):
             raise SystemExit(f"{module}: the tests do not pass on the module as it is")
         start, count, alive = time.perf_counter(), 0, 0
+        twice: Counter[tuple[int, str]] = Counter()
         for line, what, changed in mutants(tree):
+            twice[line, what] += 1
+            if twice[line, what] > 1:  # the same change at another place of the line
+                what = f"{what}, no. {twice[line, what]}"
             if not first <= line <= last:
                 continue
             count += 1
