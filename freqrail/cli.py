@@ -7,23 +7,18 @@ points; 4 input or output; 130 interrupted; 1 only for a bug. Only click is impo
 
 from __future__ import annotations
 
-import contextlib
-import json
 import math
-import os
 import shlex
-import shutil
 import sys
-import threading
 import time
-import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from freqrail.errors import FileError, FreqrailError, FreqrailWarning, InputError, NumericalError
+from freqrail.errors import InputError, NumericalError
+from freqrail.terminal import count, guarded, program, progress, report, size
 from freqrail.version import __version__
 
 PLOT_FORMATS = ("png", "svg", "pdf")
@@ -141,11 +136,11 @@ def sweep(
         jobs = jobs or processors()
         seconds = plan.seconds(jobs)
         facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
-        _report(
+        report(
             facts,
             as_json,
-            f"{_count(plan.points, 'grid point')} ({grid}), both models",
-            f"{target}: {_size(plan.stored_bytes)}, about {number(seconds, 2)} s on {_count(jobs, 'thread')}",
+            f"{count(plan.points, 'grid point')} ({grid}), both models",
+            f"{target}: {size(plan.stored_bytes)}, about {number(seconds, 2)} s on {count(jobs, 'thread')}",
             "dry run: nothing computed, nothing written",
             *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
         )
@@ -154,30 +149,30 @@ def sweep(
         target.parent.mkdir(exist_ok=True)
     start = time.perf_counter()
     try:
-        with _progress("sweep", plan.work) as advance:
+        with progress("sweep", plan.work) as advance:
             outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
     except KeyboardInterrupt:
         if journal_path(target).exists():
             again = shlex.join(dict.fromkeys([*click.get_current_context().obj, "--resume"]))
-            click.echo(f"freqrail: finished blocks are kept; to go on: {_program()} {again}", err=True)
+            click.echo(f"freqrail: finished blocks are kept; to go on: {program()} {again}", err=True)
         raise
     elapsed = time.perf_counter() - start
     failures = list(outcome.failures)
     next_step = "plot" if plan.points > 1 else "show"
     error = outcome.largest_error
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
-    taken_over = f", {_count(outcome.resumed, 'block')} taken over" if resume else ""
+    taken_over = f", {count(outcome.resumed, 'block')} taken over" if resume else ""
     accuracy = (
         "no number has an error estimate" if math.isnan(error) else f"largest estimated error {error:.1e} (relative)"
     )
-    _report(
+    report(
         facts,
         as_json,
-        f"{_count(plan.points, 'grid point')} ({grid}), {_count(len(plan.names), 'response')}, "
+        f"{count(plan.points, 'grid point')} ({grid}), {count(len(plan.names), 'response')}, "
         "with joints and traditional",
         f"band {band_text(loaded.band)}; {accuracy}",
-        f"written: {target} ({_size(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
-        f"next: {_program()} {next_step} {shlex.quote(str(target))}",
+        f"written: {target} ({size(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
+        f"next: {program()} {next_step} {shlex.quote(str(target))}",
     )
     if failures:
         raise NumericalError(*(f"{target}: {line}" for line in failures))
@@ -235,24 +230,24 @@ def confirm(
     check_target(target, overwrite, (result,), run.stored_bytes)
     needed = check_cost(run, max_time, jobs)
     click.echo(
-        f"freqrail: {_count(len(run.points), 'point')}, {number(run.simulated_seconds, 3)} simulated seconds with "
+        f"freqrail: {count(len(run.points), 'point')}, {number(run.simulated_seconds, 3)} simulated seconds with "
         f"{integrator}, about {number(needed, 2)} s",
         err=True,
     )
     begin = time.perf_counter()
-    with _progress("simulated seconds", math.ceil(run.simulated_seconds)) as advance:
+    with progress("simulated seconds", math.ceil(run.simulated_seconds)) as advance:
         found = carry_out(run, jobs, advance)
     elapsed = time.perf_counter() - begin
     write_result(found, target, overwrite)
     faults = problems(found)
     facts, lines = confirmation_text(found)
     facts |= {"output": str(target), "seconds": elapsed, "problems": faults}
-    _report(
+    report(
         facts,
         as_json,
         *lines,
-        f"written: {target} ({_size(target.stat().st_size)}, simulated in {number(elapsed, 2)} s)",
-        f"next: {_program()} plot {shlex.quote(str(target))}",
+        f"written: {target} ({size(target.stat().st_size)}, simulated in {number(elapsed, 2)} s)",
+        f"next: {program()} plot {shlex.quote(str(target))}",
     )
     if faults:
         raise NumericalError(*(f"{target}: {line}" for line in faults))
@@ -278,7 +273,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     point = _one_point(at)
     dataset = open_result(result)
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
-    with _progress("figures", figures.count(dataset, point)) as advance:
+    with progress("figures", figures.count(dataset, point)) as advance:
         paths = figures.plot(dataset, folder, file_format, point, advance)
     click.echo("\n".join(map(str, paths)))
     hint = figures.hint(dataset)
@@ -297,7 +292,7 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
     from freqrail.replication import folder
 
     start = time.perf_counter()
-    with _progress("replicate", folder.steps(quick)) as advance:
+    with progress("replicate", folder.steps(quick)) as advance:
         done = folder.replicate(output, quick, advance)
     counts = done.counts
     facts = {
@@ -307,7 +302,7 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
         "findings": {key: found.verdict for key, found in done.findings.items()},
         "variations": [{"group": v.group, "name": v.name, "changed": sorted(v.changed)} for v in done.variations],
     }
-    _report(
+    report(
         facts,
         as_json,
         ", ".join(f"{count} {verdict}" for verdict, count in counts.items()),
@@ -346,7 +341,7 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
         "axes": summary.case_axes(case),
     }
     tables = [summary.table(records) for records in parts.values() if records]
-    _report({"title": case.title, **parts}, as_json, "\n\n".join([summary.case_head(case), *tables]))
+    report({"title": case.title, **parts}, as_json, "\n\n".join([summary.case_head(case), *tables]))
 
 
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
@@ -358,22 +353,22 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
     point = _one_point(at)
     if check:
         facts = {"file": what, **check_result(what)}
-        _report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
+        report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
     dataset = open_result(what)
     if is_confirmation(dataset):
         facts, lines = summary.confirmation_text(dataset, point)
-        _report(facts, as_json, *lines)
+        report(facts, as_json, *lines)
         return
     if point is not None:
         where, records = summary.result_point(dataset, point)
         columns = [column for column in records[0] if column != "variable"]
-        _report({"point": where, "numbers": records}, as_json, where, summary.table(records, columns))
+        report({"point": where, "numbers": records}, as_json, where, summary.table(records, columns))
         return
     parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
     tables = [summary.table(records) for records in parts.values() if records]
-    hint = f'one grid point: {_program()} show {what} --at "speed=250 km/h"'
-    _report(
+    hint = f'one grid point: {program()} show {what} --at "speed=250 km/h"'
+    report(
         {"title": dataset.attrs.get("title", ""), **parts},
         as_json,
         "\n\n".join([summary.result_head(dataset), *tables, hint]),
@@ -391,7 +386,7 @@ def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None
 
     loaded = load_case(case, _once(settings, "--set"), scalars=True)
     records = summary.mode_records(loaded)
-    _report({"modes": records}, as_json, summary.case_head(loaded), "", summary.table(records))
+    report({"modes": records}, as_json, summary.case_head(loaded), "", summary.table(records))
 
 
 @cli.command()
@@ -406,7 +401,7 @@ def cases(name: str | None, as_json: bool) -> None:
     shipped = shipped_cases()
     if name is None:
         titles = {key: build_case(text).title for key, text in shipped.items()}
-        _report(titles, as_json, *(f"{key}  {title}" for key, title in titles.items()))
+        report(titles, as_json, *(f"{key}  {title}" for key, title in titles.items()))
     elif name in shipped:
         click.echo(shipped[name], nl=False)
     else:
@@ -445,66 +440,6 @@ def _is_result(what: str) -> bool:
         return False
 
 
-def _report(facts: dict[str, Any], as_json: bool, *lines: str) -> None:
-    click.echo(json.dumps(_jsonable(facts), indent=2) if as_json else "\n".join(lines))
-
-
-def _jsonable(value: Any) -> Any:
-    """The same with inf and nan as text, which JSON has no numbers for."""
-    if isinstance(value, dict):
-        return {key: _jsonable(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_jsonable(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def _size(count: float) -> str:
-    for unit in ("B", "kB", "MB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} GB"
-
-
-def _program() -> str:
-    """How to call this program again: its bare name if that is on the PATH, else as it was called."""
-    called = sys.argv[0]
-    found = shutil.which("freqrail")
-    return "freqrail" if found and os.path.exists(called) and os.path.samefile(found, called) else called
-
-
-@contextlib.contextmanager
-def _progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
-    """A progress bar on stderr, if that is a terminal; yields the function that advances it."""
-    if not sys.stderr.isatty():
-        yield lambda points: None
-        return
-    lock = threading.Lock()  # blocks finish on several threads
-    with click.progressbar(length=total, label=label, file=sys.stderr) as bar:
-
-        def advance(points: int) -> None:
-            with lock:
-                bar.update(points)
-
-        yield advance
-
-
-def _say(kind: str, text: str) -> None:
-    from freqrail.summary import printable
-
-    for line in text.split("\n"):
-        click.echo(f"freqrail: {kind}: {printable(line)}", err=True)
-
-
-def _show_warning(message: Warning | str, category: type[Warning], *rest: Any, **options: Any) -> None:
-    if issubclass(category, FreqrailWarning):
-        _say("warning", str(message))
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code; every fault is a line on stderr, never a traceback."""
     sys.exit(run(arguments))
@@ -512,37 +447,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("always", FreqrailWarning)
-            warnings.showwarning = _show_warning
-            given = list(sys.argv[1:] if arguments is None else arguments)
-            cli.main(args=given, prog_name="freqrail", standalone_mode=False, obj=given)
-        sys.stdout.flush()
-    except click.exceptions.Exit as stop:
-        return stop.exit_code
-    except SystemExit:  # click's way to leave a closed pipe
-        return FileError.exit_code
-    except click.exceptions.NoArgsIsHelpError as help_text:
-        click.echo(help_text.format_message(), err=True)
-        return 2
-    except click.UsageError as fault:
-        where = f" (see {fault.ctx.command_path} --help)" if fault.ctx else ""
-        _say("error", " ".join(fault.format_message().split()) + where)
-        return 2
-    except FreqrailError as fault:
-        for problem in fault.problems:
-            _say("error", problem.replace("\n", "\\n"))
-        return fault.exit_code
-    except (KeyboardInterrupt, click.Abort):
-        click.echo("freqrail: interrupted", err=True)
-        return 130
-    except BrokenPipeError:
-        # the reader has gone; leave nothing for the interpreter to flush into the closed pipe
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FileError.exit_code
-    except OSError as fault:
-        _say("error", f"{fault.filename or 'output'}: {fault.strerror or fault}")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FileError.exit_code
-    return 0
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    return guarded(lambda: cli.main(args=given, prog_name="freqrail", standalone_mode=False, obj=given))

@@ -597,7 +597,7 @@ def test_plots_say_on_a_terminal_how_far_they_are(here, intact, capsys, monkeypa
         asked.append((label, total))
         yield steps.append
 
-    monkeypatch.setattr(cli, "_progress", progress)
+    monkeypatch.setattr(cli, "progress", progress)
     shutil.copy(intact, "intact.nc")
     assert run(["plot", "intact.nc"]) == 0
     paths = capsys.readouterr().out.splitlines()
