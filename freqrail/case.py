@@ -7,29 +7,25 @@ and bounds come from `freqrail.names`.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, ValidationError, create_model
+from pydantic import ValidationError
 
 from freqrail.casefile import (
-    CONTACTS,
     apply_axis,
     apply_setting,
     find,
     parse_toml,
-    sections,
     to_toml,
 )
 from freqrail.errors import FreqrailWarning, InputError
-from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE, suggestion
+from freqrail.names import JOINTS, PARAMETERS
 from freqrail.quantities import (
     Axis,
     Quantity,
@@ -38,14 +34,12 @@ from freqrail.quantities import (
     milli_hint,
     nearest,
     parse_axis,
-    parse_pair,
     parse_quantity,
 )
 from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, Band, RationalSpectrum
+from freqrail.validation import cross_checks, keys, model, problems_of, readable, readable_points
 from freqrail.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 
-SCHEMA_VERSION = 1
-SPECTRA = (*GERMAN_ROUGHNESS, "rational")
 SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is probably a slip of the unit
 
 
@@ -156,19 +150,19 @@ def build_case(
 
     checked = None
     try:
-        checked = _model().model_validate(tables)
+        checked = model().model_validate(tables)
         quantities = {k: v for part in (checked.vehicle, checked.operation) for k, v in part if isinstance(v, Quantity)}
         sweep = {key: getattr(checked.sweep, key) for key in tables.get("sweep", {})}
         points = dict(enumerate(checked.confirm.points, start=1))
     except ValidationError as fault:
-        problems += [line for error in fault.errors() for line in _problems(error, file, where)]
+        problems += [line for error in fault.errors() for line in problems_of(error, file, where)]
         # what can be read is still checked, so that every fault of a file is told at once
-        quantities = {k: v for t in ("vehicle", "operation") for k, v in _readable(parse_quantity, tables, t).items()}
-        sweep = _readable(parse_axis, tables, "sweep")
-        points = _readable_points(tables, {*_scalars(quantities)} - {*_keys(tables, "sweep")} | {*sweep})
+        quantities = {k: v for t in ("vehicle", "operation") for k, v in readable(parse_quantity, tables, t).items()}
+        sweep = readable(parse_axis, tables, "sweep")
+        points = readable_points(tables, {*_scalars(quantities)} - {*keys(tables, "sweep")} | {*sweep})
     frequency = sweep.pop("frequency", None)
     axes = tuple(sweep.values())
-    problems += _cross_checks(tables, file, where)
+    problems += cross_checks(tables, file, where)
     problems += _geometry_problems(quantities, axes, where)
     if not (settings or over or stray_points):
         problems += _point_problems(points, quantities, axes, file)
@@ -189,208 +183,6 @@ def build_case(
         text=text,
         effective=to_toml(tables),
     )
-
-
-# --- validation ------------------------------------------------------------------------------------
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
-
-
-def _quantity_field(name: str) -> Any:
-    return Annotated[Quantity, PlainValidator(partial(parse_quantity, PARAMETERS[name]))]
-
-
-def _pair_field(name: str) -> Any:
-    return Annotated[tuple[Quantity, Quantity], PlainValidator(partial(parse_pair, PARAMETERS[name]))]
-
-
-def _axis_field(name: str) -> Any:
-    return Annotated[Axis, PlainValidator(partial(parse_axis, PARAMETERS[name]))]
-
-
-def _check_version(value: object) -> int:
-    if type(value) is not int or value != SCHEMA_VERSION:
-        raise ValueError(f"unsupported schema_version: this freqrail reads {SCHEMA_VERSION} {given(value)}")
-    return SCHEMA_VERSION
-
-
-def _check_text(value: str) -> str:
-    """A title or reference that a file can hold; control characters are kept, and escaped when printed."""
-    if "\0" in value or any("\ud800" <= c <= "\udfff" for c in value):
-        raise ValueError(f"holds a NUL or another character that no file can store {given(value)}")
-    return value
-
-
-def _points(value: object) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
-    """({number: point} of the points to confirm that are in order, what is wrong with the others)."""
-    if not isinstance(value, list) or not all(isinstance(point, dict) for point in value):
-        return {}, [f'a list of points is due, such as [{{ speed = "250 km/h" }}] {given(value)}']
-    points: dict[int, dict[str, Quantity]] = {}
-    faults: list[str] = []
-    for place, point in enumerate(value, start=1):
-        before = len(faults)
-        points[place] = {}
-        for name, text in point.items():
-            if name not in SWEEPABLE:
-                faults.append(f"point {place}: unknown name {name!r}{suggestion(name, SWEEPABLE)}")
-                continue
-            try:
-                points[place][name] = parse_quantity(PARAMETERS[name], text)
-            except ValueError as fault:
-                faults.append(f"point {place}: {name}: {fault}")
-        if len(faults) > before:
-            del points[place]
-    return points, faults
-
-
-def _check_points(value: object) -> list[dict[str, Quantity]]:
-    """The points to confirm. Raises ValueError with one argument a fault."""
-    points, faults = _points(value)
-    if faults:
-        raise ValueError(*faults)
-    return list(points.values())
-
-
-@cache
-def _model() -> Any:
-    """The pydantic model of a whole case file, its tables built from the table of names."""
-
-    def table(name: str, **fields: Any) -> Any:
-        return create_model(name, __base__=_Table, **fields)
-
-    vehicle: dict[str, Any] = {
-        name: (_quantity_field(name), ...) for name, p in PARAMETERS.items() if p.section == "vehicle"
-    }
-    vehicle |= {name: (_quantity_field(name), None) for name in CONTACTS}
-    empty: Any = None
-    tables = {
-        "vehicle": (table("Vehicle", masses=(Literal["half"], ...), **vehicle), ...),
-        "track": (
-            table(
-                "Track",
-                spectrum=(Literal[SPECTRA], ...),
-                roughness=(_quantity_field("roughness"), None),
-                cutoffs=(_pair_field("cutoffs"), None),
-            ),
-            ...,
-        ),
-        "operation": (table("Operation", speed=(_quantity_field("speed"), ...)), ...),
-        "band": (
-            table("Band", frequency=(_pair_field("frequency"), None), wavelength=(_pair_field("wavelength"), None)),
-            empty,
-        ),
-        "sweep": (table("Sweep", **{n: (_axis_field(n), None) for n in (*SWEEPABLE, "frequency")}), empty),
-        "confirm": (table("Confirm", points=(Annotated[list, PlainValidator(_check_points)], ())), None),
-    }
-    for name in ("sweep", "confirm"):
-        model = tables[name][0]
-        tables[name] = (model, model())
-    return table(
-        "CaseFile",
-        schema_version=(Annotated[int, PlainValidator(_check_version)], ...),
-        title=(Annotated[str, AfterValidator(_check_text)], ""),
-        reference=(Annotated[str, AfterValidator(_check_text)], ""),
-        **tables,
-    )
-
-
-def _problems(error: Any, file: str, where: Callable[..., str]) -> list[str]:
-    """The lines for one of pydantic's errors: where, what is wrong, what was given, what would be right."""
-    at = tuple(str(part) for part in error["loc"])
-    key = at[-1]
-    place = where(*at)
-    tables = (*sections(), "sweep", "confirm")
-    got = given(error["input"])
-    kind = error["type"]
-    if kind == "value_error":
-        return [f"{place}: {fault}" for fault in error["ctx"]["error"].args]
-    if kind == "extra_forbidden" and len(at) > 1:
-        known = {**sections(), "sweep": (*SWEEPABLE, "frequency"), "confirm": ("points",)}[at[0]]
-        line = f"{place}: unknown {'axis' if at[0] == 'sweep' else 'key'}{suggestion(key, known)}"
-    elif kind == "extra_forbidden" and isinstance(error["input"], dict):
-        line = f"{file}: [{key}]: unknown table{suggestion(key, tables)}"
-    elif kind == "extra_forbidden":
-        line = f"{place}: unknown key{suggestion(key, ('schema_version', 'title', 'reference', *tables))}"
-    elif kind == "missing" and key in tables:
-        line = f"{file}: [{key}]: this table is missing"
-    elif kind == "missing":
-        example = PARAMETERS[key].example if key in PARAMETERS else ""
-        hint = {"masses": "half", "spectrum": "german-low"}.get(key, example)
-        right = f'{key} = "{hint}"' if hint else f"{key} = {SCHEMA_VERSION}"
-        line = f"{place}: missing; write it as in {right}"
-    elif kind == "literal_error" and key == "spectrum":
-        wanted = error["input"] if isinstance(error["input"], str) else ""
-        line = f"{place}: unknown spectrum{suggestion(wanted, SPECTRA)} {got}"
-    elif kind == "literal_error":
-        line = f'{place}: must be "half": masses and inertias are half of the whole {got}'
-    elif kind in ("model_type", "model_attributes_type"):
-        line = f"{file}: [{key}]: must be a table {got}"
-    elif kind == "string_type":
-        line = f"{place}: text is due {got}"
-    else:
-        line = f"{place}: {error['msg'][0].lower()}{error['msg'][1:]} {got}"
-    return [line]
-
-
-def _keys(tables: dict[str, Any], name: str) -> dict[str, Any]:
-    """The keys of a table and what is written there; none if it is no table."""
-    table = tables.get(name)
-    return table if isinstance(table, dict) else {}
-
-
-def _readable(parse: Callable[..., Any], tables: dict[str, Any], name: str) -> dict[str, Any]:
-    """What can be read of a table, whatever is wrong with the rest of it."""
-    found = {}
-    for key, text in _keys(tables, name).items():
-        if key in PARAMETERS:
-            with contextlib.suppress(ValueError):  # told already
-                found[key] = parse(PARAMETERS[key], text)
-    return found
-
-
-def _readable_points(tables: dict[str, Any], known: set[str]) -> dict[int, dict[str, Quantity]]:
-    """{number: point} of the points that can be read, without the names that cannot be judged."""
-    points = _points(_keys(tables, "confirm").get("points", []))[0]
-    return {place: {k: q for k, q in point.items() if k in known} for place, point in points.items()}
-
-
-def _cross_checks(tables: dict[str, Any], file: str, where: Callable[..., str]) -> list[str]:
-    """Faults between keys that are there or not, whatever their values."""
-    problems = []
-    sweep, track, band = (_keys(tables, name) for name in ("sweep", "track", "band"))
-    contacts = set(_keys(tables, "vehicle")) & set(CONTACTS)
-    if isinstance(tables.get("vehicle"), dict) and len(contacts) != 1:
-        fault = "both are given" if contacts else "one of the two is missing"
-        problems.append(f"{file}: [vehicle].contact_constant, .contact_stiffness: {fault}; give exactly one")
-    if set(CONTACTS) <= set(sweep):
-        problems.append(f"{file}: [sweep].contact_constant, .contact_stiffness: both are swept; sweep one")
-    if "contact_constant" in sweep and contacts == {"contact_stiffness"}:
-        problems.append(f"{where('sweep', 'contact_constant')}: swept, but [vehicle] gives contact_stiffness")
-    rational = {"roughness", "cutoffs"}
-    spectrum = track.get("spectrum")
-    if spectrum == "rational":
-        problems += [
-            f'{where("track", key)}: missing; spectrum = "rational" needs it, such as "{PARAMETERS[key].example}"'
-            for key in sorted(rational - set(track))
-        ]
-    elif spectrum in SPECTRA:
-        problems += [
-            f'{where("track", key)}: belongs to spectrum = "rational" only (spectrum is "{spectrum}")'
-            for key in sorted(rational & set(track))
-        ]
-    if {"frequency", "wavelength"} <= set(band):
-        problems.append(f"{file}: [band]: both frequency and wavelength are given; give one")
-    if tables.get("band") == {}:
-        problems.append(f"{file}: [band]: is empty; give frequency or wavelength, or leave the table out")
-    for name, (low, high) in _readable(parse_pair, tables, "band").items():
-        if name in ("frequency", "wavelength") and low.value >= high.value:
-            problems.append(
-                f"{where('band', name)}: the lower limit must be below the upper one "
-                f'(got "{low.text}" and "{high.text}")'
-            )
-    return problems
 
 
 def _scalars(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
