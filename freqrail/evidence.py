@@ -15,13 +15,13 @@ import scipy
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import timedomain
+from freqrail import timedomain, verdicts
 from freqrail.dataset import attributes, content_digest, coordinate, flags
 from freqrail.names import DIMENSIONS, RESPONSES
 from freqrail.plan import band_text
 from freqrail.points import grid_axis, swept
 from freqrail.runs import Run
-from freqrail.timedomain import MODELS, VERDICTS, Evidence
+from freqrail.timedomain import MODELS, Evidence
 
 DISAGREEMENT = 1e-5  # relative; both the result's numbers and the ones computed here are good to 1e-6
 
@@ -34,19 +34,22 @@ def label(run: Run, evidence: Sequence[Evidence], references: Sequence[NDArray[n
     reference = np.array(references)
     checks = reference.size
     pooled, degrees = np.array([e.pooled for e in evidence]), np.array([e.degrees for e in evidence])
-    low, high = timedomain.interval(pooled, degrees)
-    verdict_low, verdict_high = timedomain.interval(pooled, degrees, timedomain.simultaneous(checks))
-    solver, statistical = zip(
-        *(timedomain.verdicts(e, r, plan, checks) for e, r, plan in zip(evidence, reference, run.plans, strict=True)),
-        strict=True,
-    )
+    low, high = verdicts.interval(pooled, degrees)
+    verdict_low, verdict_high = verdicts.interval(pooled, degrees, verdicts.simultaneous(checks))
+    tolerances = np.array([timedomain.tolerance(plan) for plan in run.plans])
+    solver = verdicts.solver_verdicts(np.array([e.solver_error for e in evidence]), tolerances)
+    statistical = verdicts.statistical_verdicts(pooled, degrees, reference, checks)
     number = {"units": "1"}
     by_series: dict[str, tuple[Any, str, dict[str, Any]]] = {
-        "verdict_solver": (solver, "solver check: simulation against its own line spectrum", flags(VERDICTS, "")),
+        "verdict_solver": (
+            solver,
+            "solver check: simulation against its own line spectrum",
+            flags(verdicts.VERDICTS, ""),
+        ),
         "verdict_statistical": (
             statistical,
             "statistical check: frequency-domain RMS against the simulation",
-            flags(VERDICTS, ""),
+            flags(verdicts.VERDICTS, ""),
         ),
         "solver_error": (
             [e.solver_error for e in evidence],
@@ -110,7 +113,7 @@ def label(run: Run, evidence: Sequence[Evidence], references: Sequence[NDArray[n
     )
     variables["solver_tolerance"] = (
         "model",
-        np.array([timedomain.SOLVER_TOLERANCE[timedomain.integrator_of(run.plans[0], model)] for model in MODELS]),
+        tolerances[0, :, 0],
         number | {"long_name": "largest solver error that is allowed"},
     )
     variables["relative_tolerance"] = (
@@ -191,8 +194,8 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         "discard_rule": "nothing: the start is the lines' own steady state" if steady else f"the ramp, then {discard}",
         "tighter_repeat": "record 0 of point 1, ten times tighter (exponential: track sampled twice as often)",
         "tighter_repeat_change": evidence[0].tighter_change,
-        "interval_confidence": timedomain.CONFIDENCE,
-        "verdict_confidence": timedomain.FAMILY_CONFIDENCE,
+        "interval_confidence": verdicts.CONFIDENCE,
+        "verdict_confidence": verdicts.FAMILY_CONFIDENCE,
         "verdict_rule": "simultaneous (Bonferroni) over all statistical checks of the run",
         "failures": "; ".join(
             f"{place}, {model} model: {fault}"

@@ -5,9 +5,7 @@ Two verdicts, never mixed:
 - solver: one period of the simulated response against the line spectrum of the same record. Only the
   integrator's error is left, so that the tolerance is tight; it finds a fault in the equations, the lags or the
   integration, whatever the track's spectrum.
-- statistical: Gaussian records against the RMS over the continuous spectrum. With s^2 the mean square of N records of
-  length T, nu s^2/sigma^2 is chi-square with nu = 2 B T N degrees of freedom, B = (int G_y df)^2 / int G_y^2 df being
-  the response's bandwidth (J. S. Bendat, A. G. Piersol, Random Data, 4th ed., 2010, section 8.3). It finds a wrong
+- statistical: Gaussian records against the RMS over the continuous spectrum (`freqrail.verdicts`). It finds a wrong
   spectrum too.
 
 The frequency side (`response.track_response`) and the time side (`vehicle.state_space`) share the vehicle's numbers and
@@ -24,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.linalg import block_diag
-from scipy.stats import chi2
 
 from freqrail.errors import InputError, NumericalError
 from freqrail.integrators import Accuracy, Progress, integrate, solver_of, stack
@@ -42,6 +39,7 @@ from freqrail.realisation import (
 from freqrail.response import SERIES, chain_responses, track_response, wheel_lags
 from freqrail.track import Spectrum
 from freqrail.vehicle import DEGREES_OF_FREEDOM, StateSpace, System, Vehicle, half_vehicle, poles, state_space
+from freqrail.verdicts import degrees_of_freedom
 
 RESPONSES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke")
 """The responses that are confirmed: the paper's four, eleven series in all."""
@@ -53,8 +51,6 @@ MODELS = ("joint", "traditional")
 SOLVER_TOLERANCE = {"rk45": 2e-5, "exponential": 2e-5, "radau": 2e-5, "newmark": 1e-3}
 """Largest solver error, relative, that an integrator is allowed."""
 
-CONFIDENCE = 0.95  # of the intervals that are reported
-FAMILY_CONFIDENCE = 0.999  # of the intervals that decide, all checks of a run together
 FORGOTTEN = 1e-5  # what is left of the start's transient when the measured period begins
 RESOLVED = 1e-3  # a mode in the band must decay by this within a record, or the lines step over its peak
 RAMP = 4.0  # s, over which the track rises at the start
@@ -197,30 +193,6 @@ def transfer_power(point: Point, frequency: NDArray[np.float64]) -> NDArray[np.f
         rows = [track_response(SERIES[name], vehicle, omega, point.speed, chains) for name in RESPONSES]
         power.append(np.square(np.abs(np.concatenate(rows))))
     return np.array(power)
-
-
-def degrees_of_freedom(power: NDArray[np.float64], lines: Lines, records: int) -> NDArray[np.float64]:
-    """nu = 2 B T N of the responses' mean squares, [...], B = (int G_y df)^2 / int G_y^2 df by the lines' own sums.
-
-    power: |T|^2 [..., K].
-    """
-    mean = power * lines.amplitude**2
-    density = mean / lines.width
-    # mean = G_y df at every line
-    return 2 * lines.period * records * np.sum(mean, -1) ** 2 / np.sum(mean * density, -1)
-
-
-def interval(
-    pooled: NDArray[np.float64], degrees: NDArray[np.float64], confidence: float = CONFIDENCE
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Limits between which the true RMS lies with `confidence`, given the pooled RMS of Gaussian records."""
-    tail = (1 - confidence) / 2
-    return pooled * np.sqrt(degrees / chi2.isf(tail, degrees)), pooled * np.sqrt(degrees / chi2.ppf(tail, degrees))
-
-
-def simultaneous(checks: int) -> float:
-    """Confidence of each of so many intervals that makes all of them hold together with FAMILY_CONFIDENCE."""
-    return 1 - (1 - FAMILY_CONFIDENCE) / checks  # Bonferroni: holds however the checks depend on each other
 
 
 # --- before the run --------------------------------------------------------------------------------
@@ -487,6 +459,11 @@ def integrator_of(plan: Plan, model: str) -> str:
     return next(integrator for integrator, models in _groups(plan) if model in models)
 
 
+def tolerance(plan: Plan) -> NDArray[np.float64]:
+    """Largest solver error, relative, that the integrators of a plan are allowed, [model, 1]."""
+    return np.array([[SOLVER_TOLERANCE[integrator_of(plan, model)]] for model in MODELS])
+
+
 def _stacked(prepared: _Prepared, names: tuple[str, ...]) -> tuple[StateSpace, NDArray, NDArray]:
     model = stack([prepared.side.models[name] for name in names])
     start = np.vstack([prepared.start[name] for name in names])
@@ -526,29 +503,3 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
         else:
             squares[at] = (total / kept).reshape(len(at), SERIES_COUNT, records)
     return squares, responses, failures
-
-
-# --- the verdicts ----------------------------------------------------------------------------------
-
-VERDICTS = ("confirmed", "outside", "failed")
-"""Meaning of the verdicts 0, 1, 2: the number stands; it does not; there was nothing to compare."""
-
-
-def verdicts(
-    evidence: Evidence, reference: NDArray[np.float64], plan: Plan, checks: int
-) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-    """(solver, statistical) verdicts of a point, [model, series] each, see `VERDICTS`.
-
-    reference: RMS over the continuous spectrum, [model, series]. checks: statistical checks of the whole run, which
-    share FAMILY_CONFIDENCE.
-    """
-    tolerance = np.array([[SOLVER_TOLERANCE[integrator_of(plan, model)]] for model in MODELS])
-    low, high = interval(evidence.pooled, evidence.degrees, simultaneous(checks))
-    return (
-        _verdict(evidence.solver_error <= tolerance, evidence.solver_error),
-        _verdict((low <= reference) & (reference <= high), evidence.pooled * reference),
-    )
-
-
-def _verdict(stands: NDArray[np.bool_], number: NDArray[np.float64]) -> NDArray[np.int8]:
-    return np.where(np.isfinite(number), np.where(stands, 0, 1), 2).astype(np.int8)

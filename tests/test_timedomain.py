@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from helpers import lags, output_matrices
 
-from freqrail import grid, timedomain
+from freqrail import grid, timedomain, verdicts
 from freqrail.errors import InputError
 from freqrail.integrators import Accuracy
-from freqrail.realisation import gaussian_amplitudes, mean_square, spectral_lines, stream
 from freqrail.study import Study
 from freqrail.timedomain import MODELS, RESPONSES, SERIES_COUNT, Plan, Point, Simulated
 from freqrail.track import Band, RationalSpectrum
@@ -36,10 +35,17 @@ def reference(point: Point, band=BAND) -> np.ndarray:
     return np.array(rows)
 
 
-def verdicts(point, plan, side=None, true=None) -> tuple[np.ndarray, np.ndarray]:
+def verdicts_of(point, plan, side=None, true=None) -> tuple[np.ndarray, np.ndarray]:
     """(solver, statistical) verdicts of one point; `true` is the point that the frequency domain knows."""
-    evidence = timedomain.examine(point, plan, side)
-    return timedomain.verdicts(evidence, reference(true or point), plan, 2 * SERIES_COUNT)
+    return judged(timedomain.examine(point, plan, side), plan, reference(true or point))
+
+
+def judged(evidence: timedomain.Evidence, plan: Plan, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(solver, statistical) verdicts of what was found at one point."""
+    return (
+        verdicts.solver_verdicts(evidence.solver_error, timedomain.tolerance(plan)),
+        verdicts.statistical_verdicts(evidence.pooled, evidence.degrees, known, 2 * SERIES_COUNT),
+    )
 
 
 def flagged(verdict: np.ndarray) -> bool:
@@ -75,12 +81,12 @@ def test_newmark_runs_the_traditional_model_and_rk45_the_other_as_in_the_paper(p
     found = timedomain.examine(point, plan)
     assert found.solver_error[0].max() < 2e-5
     assert 1e-7 < found.solver_error[1].max() < 1e-3
-    solver, _ = timedomain.verdicts(found, found.pooled, plan, 22)
+    solver, _ = judged(found, plan, found.pooled)
     assert not solver.any()
 
 
 def test_gaussian_records_confirm_the_continuous_rms(point):
-    solver, statistical = verdicts(point, SHORT)
+    solver, statistical = verdicts_of(point, SHORT)
     assert not solver.any()
     assert not statistical.any()
 
@@ -127,12 +133,12 @@ def with_leg(point: Point, name: str, **changes) -> Simulated:
 
 @pytest.mark.parametrize("leg", ["secondary_1", "primary_3"])
 def test_two_per_cent_on_one_stiffness_is_flagged(point, leg):
-    solver, _ = verdicts(point, SHORT, with_leg(point, leg, stiffness=1.02))
+    solver, _ = verdicts_of(point, SHORT, with_leg(point, leg, stiffness=1.02))
     assert flagged(solver)
 
 
 def test_two_per_cent_on_one_joint_is_flagged_in_the_joint_model_alone(point):
-    solver, _ = verdicts(point, SHORT, with_leg(point, "primary_2", joint_stiffness=1.02))
+    solver, _ = verdicts_of(point, SHORT, with_leg(point, "primary_2", joint_stiffness=1.02))
     assert solver[0].any()
     assert not solver[1].any()
 
@@ -140,7 +146,7 @@ def test_two_per_cent_on_one_joint_is_flagged_in_the_joint_model_alone(point):
 @pytest.mark.parametrize("order", [[1, 0, 2, 3], [0, 2, 1, 3], [3, 2, 1, 0]])
 def test_a_swapped_wheel_lag_is_flagged(point, order):
     side = timedomain.time_side(point)
-    solver, _ = verdicts(point, SHORT, replace(side, lags=side.lags[order]))
+    solver, _ = verdicts_of(point, SHORT, replace(side, lags=side.lags[order]))
     assert flagged(solver)
 
 
@@ -152,13 +158,13 @@ def test_a_wrong_sign_in_one_coupling_term_is_flagged(point, row, column):
         a = model.a.copy()
         a[model.states.index(row), model.states.index(column)] *= -1
         models[name] = replace(model, a=a)
-    solver, _ = verdicts(point, SHORT, replace(side, models=models))
+    solver, _ = verdicts_of(point, SHORT, replace(side, models=models))
     assert flagged(solver)
 
 
 def test_a_factor_of_two_pi_in_the_spectrum_passes_the_solver_check_and_is_flagged_by_the_statistical_one(point):
     wrong = RationalSpectrum("wrong", 2 * np.pi * point.spectrum.roughness, point.spectrum.cutoffs)
-    solver, statistical = verdicts(replace(point, spectrum=wrong), SHORT, true=point)
+    solver, statistical = verdicts_of(replace(point, spectrum=wrong), SHORT, true=point)
     assert not solver.any()
     assert (statistical == 1).all()
 
@@ -167,7 +173,7 @@ def test_linear_interpolation_at_a_millisecond_is_flagged(point):
     plan = replace(SHORT, interpolation="linear")
     evidence = timedomain.examine(point, plan)
     assert evidence.heights.shape[0] == 4
-    solver, _ = timedomain.verdicts(evidence, reference(point), plan, 2 * SERIES_COUNT)
+    solver, _ = judged(evidence, plan, reference(point))
     assert flagged(solver)
 
 
@@ -177,9 +183,9 @@ def test_a_model_that_runs_away_is_a_failure_with_a_reason_and_nan(point):
     evidence = timedomain.examine(point, SHORT, replace(side, models={**side.models, "joint": runaway}))
     assert "grow without bound" in evidence.failures["joint"]
     assert np.isnan(evidence.simulated[0]).all()
-    solver, statistical = timedomain.verdicts(evidence, reference(point), SHORT, 2 * SERIES_COUNT)
-    assert (solver[0] == timedomain.VERDICTS.index("failed")).all()
-    assert (statistical[0] == timedomain.VERDICTS.index("failed")).all()
+    solver, statistical = judged(evidence, SHORT, reference(point))
+    assert (solver[0] == verdicts.VERDICTS.index("failed")).all()
+    assert (statistical[0] == verdicts.VERDICTS.index("failed")).all()
 
 
 # --- a usual run -----------------------------------------------------------------------------------
@@ -204,45 +210,6 @@ def test_each_of_its_habits_alone_is_wrong_and_without_them_the_run_is_right(poi
     assert ratio(0.001, interpolation="cubic") > 2  # a sudden start, seconds later
     assert ratio(0.005, interpolation="linear", ramp=4.0) > 1.3  # straight lines
     assert ratio(0.001, interpolation="cubic", ramp=4.0) == pytest.approx(1, abs=0.05)
-
-
-# --- statistics ------------------------------------------------------------------------------------
-
-
-def test_the_interval_covers_the_true_rms_in_95_per_cent_of_2000_seeds(point):
-    """Closed-form line RMS, nothing integrated: all eleven series of both models."""
-    plan = replace(SHORT, period=60.0, realisations=1)
-    lines = spectral_lines(point.spectrum, point.speed, BAND, plan.period)
-    power = timedomain.transfer_power(point, lines.frequency)
-    degrees = timedomain.degrees_of_freedom(power, lines, plan.realisations)
-    true = reference(point)
-    covered = np.zeros(true.shape)
-    for seed in range(2000):
-        record = gaussian_amplitudes(lines, stream(seed, point.key, "gaussian", 1))
-        low, high = timedomain.interval(np.sqrt(mean_square(power, record[None])[..., 0]), degrees)
-        covered += (low <= true) & (true <= high)
-    share = covered / 2000
-    assert share.min() > 0.935
-    assert share.max() < 0.965
-
-
-def test_the_sum_over_lines_is_the_rms_over_the_continuous_spectrum(point):
-    lines = spectral_lines(point.spectrum, point.speed, BAND, 60.0)
-    power = timedomain.transfer_power(point, lines.frequency)
-    total = np.sqrt(power @ lines.amplitude**2 / 2)
-    np.testing.assert_allclose(total, reference(point), rtol=1e-4)
-
-
-def test_simultaneous_intervals_are_wider_the_more_checks_there_are():
-    one, many = timedomain.simultaneous(1), timedomain.simultaneous(66)
-    assert one == pytest.approx(0.999)
-    assert 1 - many == pytest.approx(0.001 / 66)
-
-
-def test_white_noise_has_the_degrees_of_freedom_of_its_bandwidth():
-    flat = RationalSpectrum("flat", 1.0, (1e6, 1e6))
-    lines = spectral_lines(flat, 50.0, (1.0, 11.0), 8.0)
-    assert timedomain.degrees_of_freedom(np.ones(lines.order.size), lines, 3) == pytest.approx(2 * 10 * 8 * 3, rel=1e-6)
 
 
 # --- before the run --------------------------------------------------------------------------------

@@ -1,0 +1,64 @@
+"""Intervals that cover what they say, and verdicts of numbers that stand, do not, or are not there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_timedomain import BAND, SHORT, reference
+
+from freqrail import timedomain, verdicts
+from freqrail.realisation import gaussian_amplitudes, mean_square, spectral_lines, stream
+from freqrail.timedomain import Point
+from freqrail.track import RationalSpectrum
+
+
+@pytest.fixture(scope="module")
+def point(paper_vehicle, german_low) -> Point:
+    return Point(paper_vehicle, 250 / 3.6, german_low, "speed=250 km/h")
+
+
+def test_the_interval_covers_the_true_rms_in_95_per_cent_of_2000_seeds(point):
+    """Closed-form line RMS, nothing integrated: all eleven series of both models."""
+    plan = replace(SHORT, period=60.0, realisations=1)
+    lines = spectral_lines(point.spectrum, point.speed, BAND, plan.period)
+    power = timedomain.transfer_power(point, lines.frequency)
+    degrees = verdicts.degrees_of_freedom(power, lines, plan.realisations)
+    true = reference(point)
+    covered = np.zeros(true.shape)
+    for seed in range(2000):
+        record = gaussian_amplitudes(lines, stream(seed, point.key, "gaussian", 1))
+        low, high = verdicts.interval(np.sqrt(mean_square(power, record[None])[..., 0]), degrees)
+        covered += (low <= true) & (true <= high)
+    share = covered / 2000
+    assert share.min() > 0.935
+    assert share.max() < 0.965
+
+
+def test_the_sum_over_lines_is_the_rms_over_the_continuous_spectrum(point):
+    lines = spectral_lines(point.spectrum, point.speed, BAND, 60.0)
+    power = timedomain.transfer_power(point, lines.frequency)
+    total = np.sqrt(power @ lines.amplitude**2 / 2)
+    np.testing.assert_allclose(total, reference(point), rtol=1e-4)
+
+
+def test_simultaneous_intervals_are_wider_the_more_checks_there_are():
+    one, many = verdicts.simultaneous(1), verdicts.simultaneous(66)
+    assert one == pytest.approx(0.999)
+    assert 1 - many == pytest.approx(0.001 / 66)
+
+
+def test_white_noise_has_the_degrees_of_freedom_of_its_bandwidth():
+    flat = RationalSpectrum("flat", 1.0, (1e6, 1e6))
+    lines = spectral_lines(flat, 50.0, (1.0, 11.0), 8.0)
+    assert verdicts.degrees_of_freedom(np.ones(lines.order.size), lines, 3) == pytest.approx(2 * 10 * 8 * 3, rel=1e-6)
+
+
+def test_a_number_stands_does_not_or_cannot_be_compared():
+    error = np.array([1e-6, 2e-5, 3e-5, np.nan])
+    assert verdicts.solver_verdicts(error, np.array(2e-5)).tolist() == [0, 0, 1, 2]
+    degrees = np.full(5, 200.0)
+    low, high = verdicts.interval(np.ones(5), degrees, verdicts.simultaneous(5))
+    reference = np.array([1.0, 1.01 * low[1], 0.99 * low[2], 1.01 * high[3], np.nan])
+    assert verdicts.statistical_verdicts(np.ones(5), degrees, reference, 5).tolist() == [0, 0, 1, 1, 2]
