@@ -12,8 +12,16 @@ import pytest
 from freqrail import grid, residues
 from freqrail.response import SERIES, chain_responses
 from freqrail.study import Study
-from freqrail.track import RationalSpectrum
-from freqrail.vehicle import CHAINS, Vehicle, half_vehicle, hertzian_contact_stiffness, state_space, static_wheel_load
+from freqrail.track import RationalSpectrum, TabulatedSpectrum
+from freqrail.vehicle import (
+    CHAINS,
+    Vehicle,
+    chain_system,
+    half_vehicle,
+    hertzian_contact_stiffness,
+    state_space,
+    static_wheel_load,
+)
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "whole_axis.json").read_text())
 NAMES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke", "wheelset_acceleration")
@@ -98,21 +106,107 @@ def test_closed_form_and_quadrature_agree_on_the_paper_grid(paper_vehicle, germa
             assert np.max(np.abs(other / exact - 1)) < 1e-8
 
 
-@pytest.mark.parametrize("scale", [1 - 1e-2, 1 - 1e-4, 1 - 1e-6, 1 - 1e-9, 1.0, 1 + 1e-9, 1 + 1e-5, 1 + 1e-3])
-@pytest.mark.parametrize(
-    ("joint", "critical"), [("primary_joint_stiffness", 17.28626e6), ("secondary_joint_stiffness", 69.82e6)]
-)
-def test_nothing_happens_where_two_poles_merge(paper_vehicle, german_low, joint, critical, scale):
-    """The variance is smooth in the stiffness: at critical damping it lies on the curve through its neighbours."""
-    offsets = np.array([-0.06, -0.04, -0.02, 0.02, 0.04, 0.06])
-    line = replace(paper_vehicle, **{joint: critical * (1 + offsets)})
-    speed = np.array([250 * KMH])
-    around = residues.mean_squares(line, NAMES, german_low, speed)
-    here = residues.mean_squares(replace(paper_vehicle, **{joint: critical * scale}), NAMES, german_low, speed)
-    for name in NAMES:
-        for p in range(len(SERIES[name].positions)):
-            smooth = np.polynomial.Polynomial.fit(offsets, around[name].value[p, :, 0], 5)
-            assert here[name].value[p, 0] == pytest.approx(smooth(scale - 1), rel=3e-8)
+def critical(vehicle: Vehicle, joint: str, chain: str, low: float, high: float) -> float:
+    """The joint stiffness between two at which two poles of a chain become one, to the last bit."""
+
+    def real_poles(stiffness: float) -> int:
+        matrix = state_space(chain_system(replace(vehicle, **{joint: stiffness}), chain)).a
+        return np.count_nonzero(np.linalg.eigvals(matrix).imag == 0)
+
+    below = real_poles(low)
+    assert real_poles(high) != below
+    while high - low > 1.5 * np.spacing(low):
+        middle = (low + high) / 2
+        low, high = (middle, high) if real_poles(middle) == below else (low, middle)
+    return low
+
+
+MERGERS = {
+    "bounce, K_sd 69.82": ("bounce", {"secondary_joint_stiffness": 69.82e6}, "primary_joint_stiffness", 17e6, 18e6),
+    "pitch, K_sd 69.82": ("pitch", {"secondary_joint_stiffness": 69.82e6}, "primary_joint_stiffness", 16e6, 17e6),
+    "bounce, K_pd 50": ("bounce", {"primary_joint_stiffness": 50e6}, "secondary_joint_stiffness", 52e6, 54e6),
+    "pitch, K_sd rigid": ("pitch", {"secondary_joint_stiffness": np.inf}, "primary_joint_stiffness", 12e6, 12.5e6),
+    "bogie pitch": ("bogie_pitch", {"primary_damping": 60e3}, "primary_joint_stiffness", 1e6, 1e9),
+}
+
+
+@pytest.mark.parametrize("scale", [1 - 1e-3, 1 - 1e-6, 1 - 1e-9, 1 - 1e-12, 1.0, 1 + 1e-15, 1 + 1e-10, 1 + 1e-7, 1.01])
+@pytest.mark.parametrize("merger", MERGERS)
+def test_nothing_happens_where_two_poles_merge(paper_vehicle, german_low, merger, scale):
+    """Residues of two poles that are almost one are huge and cancel; quadrature does not know of them."""
+    chain, changes, joint, low, high = MERGERS[merger]
+    vehicle = replace(paper_vehicle, **changes)
+    vehicle = replace(vehicle, **{joint: scale * critical(vehicle, joint, chain, low, high)})
+    study = Study(vehicle, np.array([250 * KMH]), german_low, None, NAMES[:4])
+    squares, own = residues.mean_squares(vehicle, study.names, german_low, study.speed), grid._own_quadrature(study, ())
+    for name in study.names:
+        apart = np.abs(squares[name].value - own[name].value)
+        assert np.all(apart <= squares[name].error + own[name].error)
+        assert np.all(squares[name].error < 1e-8 * squares[name].value)
+
+
+def test_vehicles_and_speeds_of_a_grid_are_singular_each_for_itself(paper_vehicle, german_low):
+    """A pole on the track's at one speed, critical damping at another stiffness, real poles here and complex ones
+    there: in a grid of two axes every number is the one that it is alone.
+    """
+    merged = replace(paper_vehicle, secondary_joint_stiffness=69.82e6)
+    merging = critical(merged, "primary_joint_stiffness", "bounce", 17e6, 18e6)
+    many = replace(
+        paper_vehicle,
+        primary_joint_stiffness=np.array([5e6, merging, 100e6])[:, None],
+        secondary_joint_stiffness=np.array([5e6, 69.82e6, 0.5e6, np.inf]),
+    )
+    speed = np.array([50, 77.84414, 250, 310]) * KMH
+    together = residues.mean_squares(many, NAMES, german_low, speed)
+    for index in np.ndindex(many.shape):
+        for k in range(speed.size):
+            alone = residues.mean_squares(many.at(index), NAMES, german_low, speed[k : k + 1])
+            for name in NAMES:
+                found, expected = together[name].value[:, *index, k], alone[name].value[:, 0]
+                np.testing.assert_allclose(found, expected, rtol=2e-9)
+
+
+@pytest.mark.parametrize("slower", [100.0, 0.01])
+def test_the_unit_of_time_is_ours_to_choose(paper_vehicle, german_low, slower):
+    """Everything `slower` times slower, speed included: strokes are what they were, accelerations the square less."""
+
+    def slow(vehicle: Vehicle) -> Vehicle:
+        stiffness = {n: getattr(vehicle, n) / slower**2 for n in vars(vehicle) if n.endswith("stiffness")}
+        return replace(
+            vehicle,
+            **stiffness,
+            primary_damping=vehicle.primary_damping / slower,
+            secondary_damping=vehicle.secondary_damping / slower,
+        )
+
+    for vehicle in (
+        paper_vehicle,
+        replace(paper_vehicle, secondary_joint_stiffness=100e6),
+        paper_vehicle.traditional(),
+    ):
+        speed = np.array([100, 250]) * KMH
+        one = residues.mean_squares(vehicle, NAMES, german_low, speed)
+        other = residues.mean_squares(slow(vehicle), NAMES, german_low, speed / slower)
+        for name in NAMES:
+            factor = slower ** (2 * SERIES[name].derivative)
+            np.testing.assert_allclose(factor * other[name].value, one[name].value, rtol=1e-9)
+
+
+def test_numbers_that_overflow_have_no_poles_and_leave_those_beside_them_alone(paper_vehicle):
+    many = replace(paper_vehicle, wheelset_mass=np.array([1e-305, 700.0]))
+    for chain in CHAINS:
+        with np.errstate(all="ignore"):
+            light, plain = residues.chain_poles(many, chain)
+        assert np.isnan(light).all()
+        assert np.isfinite(plain).all()
+
+
+def test_the_closed_form_applies_to_rational_spectra_with_simple_poles():
+    for low, high, simple in ((0.02, 0.8, True), (0.5, 0.502, True), (0.5, 0.5005, False), (0.8, 0.02, True)):
+        assert residues.applies(RationalSpectrum("rational", 1e-7, (low, high))) == simple
+    for low, high, simple in ((5.0, 5.005, False), (5.0, 5.02, True), (0.01, 0.01001, False), (0.01, 0.0101, True)):
+        assert residues.applies(RationalSpectrum("rational", 1e-7, (low, high))) == simple
+    assert not residues.applies(TabulatedSpectrum("measured", (0.1, 1.0), (1e-4, 1e-6)))
 
 
 def test_nothing_happens_where_a_vehicle_pole_meets_a_track_pole(paper_vehicle, german_low):

@@ -64,8 +64,14 @@ CASES = [
     (PAPER, "1e9", "1e10", "250"),
     (PAPER, "1e12", "1e9", "250"),
     (PAPER, "1e14", "1e15", "250"),
-    (PAPER, "17.28626e6", "5e6", "250"),
-    (PAPER, "5e6", "69.82e6", "250"),
+    # critical damping: two poles of the bounce or of the pitch chain are one, to the last bit of the stiffness
+    (PAPER, "17286888.622689452", "69.82e6", "250"),
+    (PAPER, "16582275.959194549", "69.82e6", "100"),
+    (PAPER, "17.28626e6", "69822922.432233326", "60"),
+    (PAPER, "50e6", "52585849.430768125", "250"),
+    (PAPER, "12404975.369430856", "inf", "250"),
+    (PAPER, "12251401.116145771", "inf", "400"),
+    (PAPER, "17.28626e6", "69.82e6", "250"),  # and beside it
     (PAPER, "5e6", "5e6", "77.84414"),
     (PAPER, "5e6", "5e6", "77.84415"),
     (HEAVY, "2e6", "8e6", "120"),
