@@ -154,8 +154,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("modules", nargs="+", choices=TESTS, metavar="MODULE", help=", ".join(TESTS))
     parser.add_argument("--lines", default="1:1000000", help="only mutants of these lines, FIRST:LAST")
+    parser.add_argument("--again", metavar="FILE", help="only what survived in a former run, whose output FILE holds")
     asked = parser.parse_args()
     first, last = map(int, asked.lines.split(":"))
+    again = asked.again and Path(asked.again).read_text(encoding="utf-8")
     os.chdir(ROOT)
     for library in ("numpy", "scipy.linalg", "scipy.integrate", "xarray", "hypothesis", "pint", "pydantic", "pytest"):
         importlib.import_module(library)
@@ -172,12 +174,12 @@ def main() -> int:
             twice[line, what] += 1
             if twice[line, what] > 1:  # the same change at another place of the line
                 what = f"{what}, no. {twice[line, what]}"
-            if not first <= line <= last:
+            text = lines[line - 1].strip()
+            if not first <= line <= last or (again and f": {what}: {text}" not in again):
                 continue
             count += 1
             if survives(module, changed, tests):
                 alive += 1
-                text = lines[line - 1].strip()
                 new = (what, text) not in known
                 unexpected += new
                 print(f"{module}:{line}: {what}: {text}{'' if new else '  (explained)'}", flush=True)
