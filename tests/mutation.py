@@ -157,7 +157,7 @@ def main() -> int:
     parser.add_argument("--again", metavar="FILE", help="only what survived in a former run, whose output FILE holds")
     asked = parser.parse_args()
     first, last = map(int, asked.lines.split(":"))
-    again = asked.again and Path(asked.again).read_text(encoding="utf-8")
+    again = former(Path(asked.again).read_text(encoding="utf-8")) if asked.again else None
     os.chdir(ROOT)
     for library in ("numpy", "scipy.linalg", "scipy.integrate", "xarray", "hypothesis", "pint", "pydantic", "pytest"):
         importlib.import_module(library)
@@ -175,7 +175,7 @@ def main() -> int:
             if twice[line, what] > 1:  # the same change at another place of the line
                 what = f"{what}, no. {twice[line, what]}"
             text = lines[line - 1].strip()
-            if not first <= line <= last or (again and f": {what}: {text}" not in again):
+            if not first <= line <= last or (again is not None and (what.split(", no. ")[0], text) not in again):
                 continue
             count += 1
             if survives(module, changed, tests):
@@ -185,6 +185,11 @@ def main() -> int:
                 print(f"{module}:{line}: {what}: {text}{'' if new else '  (explained)'}", flush=True)
         print(f"{module}: {count} mutants, {alive} survive; {time.perf_counter() - start:.0f} s", flush=True)
     return 1 if unexpected else 0
+
+
+def former(output: str) -> set[tuple[str, str]]:
+    """(change, line of source) of what an earlier run printed."""
+    return set(re.findall(r"^\w+:\d+: (.+?)(?:, no\. \d+)?: (.+?)(?:  \(explained\))?$", output, re.MULTILINE))
 
 
 def explained(module: str) -> set[tuple[str, str]]:
