@@ -78,6 +78,8 @@ def untested(node: ast.AST) -> Iterator[ast.AST]:
     for key in ("annotation", "returns"):
         if getattr(node, key, None):
             yield from ast.walk(getattr(node, key))
+    if isinstance(node, ast.keyword) and node.arg == "strict":  # of zip, which says what holds by construction
+        yield from ast.walk(node.value)
     for decorator in getattr(node, "decorator_list", ()):
         yield from ast.walk(decorator)
     if isinstance(node, ast.Assign) and isinstance(node.value, ast.BinOp) and isinstance(node.value.op, ast.BitOr):

@@ -147,6 +147,50 @@ def test_a_peak_that_might_pass_between_the_nodes_is_left_to_each_vehicle(paper_
     assert below.edges is not None
 
 
+def test_a_peak_inside_the_band_of_any_speed_counts(paper_vehicle):
+    """Bands of wavelengths reach it at one speed or another, whatever the edges between."""
+    joints = np.geomspace(0.5e6, 3e6, 20)
+    soft = replace(paper_vehicle, primary_joint_stiffness=joints, secondary_joint_stiffness=joints[:, None])
+    for band in (Band("wavelength", 0.25, 10.0), Band("wavelength", 0.4, 10.0), Band("frequency", 0.1, 300.0)):
+        speeds = np.array([50.0, 60.0, 90.0])
+        reached = study(soft, speeds, band).limits[1] > 2 * np.pi * 200
+        for shared in nodes.shared_nodes(study(soft, speeds, band)):
+            assert (shared.edges is None) == reached[shared.speeds].any()
+
+
+def test_vehicles_whose_sharp_peaks_are_all_elsewhere_are_better_off_alone(paper_vehicle):
+    """Every one's poles are known, and nodes for all peaks would be hundreds of thousands."""
+    springs = np.linspace(3e5, 3e6, 200)
+    ringing = replace(paper_vehicle, primary_stiffness=springs, primary_damping=1.0, secondary_damping=1.0)
+    (own,) = nodes.shared_nodes(study(ringing, np.array([60.0])))
+    assert own.edges is None
+    assert np.all(own.lost > 1e-12)
+
+
+def test_shared_nodes_resolve_the_longest_vehicles_lags(paper_vehicle):
+    many = replace(
+        paper_vehicle, half_bogie_spacing=np.array([3.0, 30.0, 9.0]), half_wheelbase=np.array([[0.8], [1.2]])
+    )
+    speeds = np.array([40.0, 50.0])
+    (shared,) = nodes.shared_nodes(study(many, speeds))
+    assert np.max(np.diff(shared.edges)) == pytest.approx(rms.PHASE_REACH / (2 * (30 + 1.2) / 40))
+
+
+@pytest.mark.parametrize("shape", [(300,), (301,), (5000,), (40, 50), (1, 1000), (7, 1, 600), (10, 10, 10)])
+def test_a_sample_of_a_grid_has_its_corners_and_is_small(paper_vehicle, shape):
+    axes = ("bogie_mass", "car_body_mass", "wheelset_mass")
+    lengths = {
+        name: np.arange(1.0, 1 + n).reshape([-1 if k == place else 1 for k in range(len(shape))])
+        for place, (name, n) in enumerate(zip(axes, shape, strict=False))
+    }
+    sample = nodes._sample(replace(paper_vehicle, **lengths))
+    assert np.prod(sample.shape) <= nodes.SAMPLES
+    assert np.prod(sample.shape) >= min(nodes.SAMPLES, np.prod(shape)) / 3
+    for name, whole in lengths.items():
+        part = getattr(sample, name)
+        assert {part.min(), part.max()} == {whole.min(), whole.max()}
+
+
 def test_the_closed_form_needs_no_nodes(paper_vehicle):
     assert nodes.shared_nodes(study(paper_vehicle, WALKING, None)) == ()
 
@@ -156,11 +200,24 @@ def test_a_table_on_the_whole_axis_has_nodes_between_its_ends(paper_vehicle):
     (shared,) = nodes.shared_nodes(study(paper_vehicle, np.array([50.0]), None, table))
     assert shared.edges[[0, -1]] == pytest.approx([1.0, 150.0])
     assert 5.0 in shared.edges
+    (narrower,) = nodes.shared_nodes(study(paper_vehicle, np.array([50.0]), Band("frequency", 1.0, 10.0), table))
+    assert narrower.edges[[0, -1]] == pytest.approx([2 * np.pi, 20 * np.pi])
 
 
 def test_numbers_too_far_apart_have_no_nodes(paper_vehicle):
     light = replace(paper_vehicle, wheelset_mass=1e-305)
     endless = replace(paper_vehicle, half_bogie_spacing=1e300)
-    for vehicle in (light, endless):
+    twisting = replace(paper_vehicle, bogie_pitch_inertia=1e-305)
+    for vehicle in (light, endless, twisting):
         with np.errstate(all="ignore"):
             assert nodes.own_edges(study(vehicle, np.array([60.0])), vehicle) is None
+
+
+def test_a_rule_that_takes_too_long_is_not_begun(paper_vehicle):
+    """A million nodes for one speed, but not for thirty."""
+    long = replace(paper_vehicle, half_bogie_spacing=5e4)
+    one, thirty = np.array([60.0]), np.linspace(60, 61, 30)
+    assert nodes.own_edges(study(long, one), long).size * rms.PANEL_NODES > 1e6
+    assert nodes.own_edges(study(long, thirty), long) is None
+    longer = replace(long, half_bogie_spacing=1e6)
+    assert nodes.own_edges(study(longer, one), longer) is None

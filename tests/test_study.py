@@ -64,6 +64,7 @@ def test_cells_hold_every_vehicle_once_and_no_more_than_asked(shape, most):
         ((4, 4), 16, 1),
         ((9,), 8, 2),
         ((6, 1), 1, 6),
+        ((1, 100), 64, 2),
     ],
 )
 def test_cells_are_few_and_about_as_long_along_every_axis(shape, most, expected):
@@ -93,14 +94,20 @@ def test_a_part_of_a_grid_has_the_vehicles_of_its_cell(paper_vehicle):
         assert part.at(index) == many.at((index[0] + 1, index[1] + 2))
 
 
+def test_an_axis_of_two_is_cut_like_any_other(paper_vehicle):
+    two = replace(paper_vehicle, bogie_mass=np.array([500.0, 600.0]))
+    assert [cut(two, cell).bogie_mass.tolist() for cell in cells(two.shape, 1)] == [[500], [600]]
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("name", ["half_bogie_spacing", "half_wheelbase"])
 def test_vehicles_of_a_block_have_one_geometry(paper_vehicle, name, axis):
     """Wherever the axis stands that changes it, also where arrays are shorter than the grid has axes."""
-    shape = (4, 3, 5)
+    shape = (4, 2, 5)
     lengths = np.arange(1.0, 1 + shape[axis]).reshape(-1, *(1,) * (2 - axis))
-    joints = np.ones((4, 1, 1)), np.ones((3, 1)), np.ones(5)
-    many = replace(paper_vehicle, bogie_mass=joints[0], car_body_mass=joints[1], wheelset_mass=joints[2])
+    many = replace(
+        paper_vehicle, bogie_mass=np.ones((4, 1, 1)), car_body_mass=np.ones((2, 1)), wheelset_mass=np.ones(5)
+    )
     many = replace(many, **{name: lengths})
     count, geometries = np.zeros(shape, int), 0
     for geometry, parts in cells_by_geometry(many, 6):
