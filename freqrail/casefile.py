@@ -129,7 +129,9 @@ def apply_setting(
     if key == "band":
         if str(value).strip().lower() != "none":
             problems.append(f'{label}: only "band=none", or --set "frequency=0.1:100 Hz", will do {given(value)}')
+        _refuse_both(label, [("band", "frequency"), ("band", "wavelength")], problems, origins)
         tables.pop("band", None)
+        origins["band",] = label
         return
     if key in ("title", "reference"):
         tables[key] = value
@@ -150,9 +152,9 @@ def apply_setting(
         return
     table = table_of(tables, owners[0])
     for group in (CONTACTS, ("frequency", "wavelength")):
-        if name in group:  # of the two, the one set last holds
-            for other in group:
-                table.pop(other, None)
+        for other in group if name in group else ():  # it replaces the other one of the file
+            _refuse_both(label, [(owners[0], other), (owners[0],)], problems, origins)
+            table.pop(other, None)
     if name == "spectrum" and value != "rational":
         table.pop("roughness", None)
         table.pop("cutoffs", None)
@@ -171,11 +173,18 @@ def apply_axis(
         problems.append(f"--over {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
         return
     sweep = table_of(tables, "sweep")
-    for other in CONTACTS:
-        if name in CONTACTS and other != name:
-            sweep.pop(other, None)
+    for other in CONTACTS if name in CONTACTS else ():
+        _refuse_both(f"--over {key}", [("sweep", other)], problems, origins)
+        sweep.pop(other, None)
     sweep[name] = value
     origins["sweep", name] = f"--over {key}"
+
+
+def _refuse_both(
+    label: str, others: list[tuple[str, ...]], problems: list[str], origins: dict[tuple[str, ...], str]
+) -> None:
+    """Note a problem if one of the `others`, of which only one can hold, was changed by an option before."""
+    problems += [f"{label}: excludes {origins[other]}; give one of the two" for other in others if other in origins]
 
 
 # --- writing ----------------------------------------------------------------------------------------

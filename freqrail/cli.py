@@ -153,7 +153,8 @@ def sweep(
             outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
     except KeyboardInterrupt:
         if journal_path(target).exists():
-            again = shlex.join(dict.fromkeys([*click.get_current_context().obj, "--resume"]))
+            given = click.get_current_context().obj
+            again = shlex.join([*given, *(["--resume"] if "--resume" not in given else [])])
             click.echo(f"freqrail: finished blocks are kept; to go on: {program()} {again}", err=True)
         raise
     elapsed = time.perf_counter() - start

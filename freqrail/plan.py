@@ -113,15 +113,15 @@ def warn_of_rigid_rail(case: Case) -> None:
 
 def response_names(responses: str | Sequence[str]) -> tuple[str, ...]:
     """Names of responses from "paper", "all", "NAME,NAME" or a sequence of names, in the table's order."""
-    if responses == "paper":
-        return tuple(name for name, response in RESPONSES.items() if response.paper)
-    if responses == "all":
-        return tuple(RESPONSES)
-    wanted = [part.strip() for part in responses.split(",")] if isinstance(responses, str) else list(responses)
-    unknown = [name for name in wanted if name not in RESPONSES]
-    if unknown or not wanted:
-        known = ("paper", "all", *RESPONSES)
-        raise InputError(*(f"--responses: unknown response {name!r}{suggestion(name, known)}" for name in unknown))
+    groups = {"paper": {name for name, response in RESPONSES.items() if response.paper}, "all": set(RESPONSES)}
+    given = [part.strip() for part in responses.split(",")] if isinstance(responses, str) else list(responses)
+    known = (*groups, *RESPONSES)
+    unknown = [name for name in given if name not in known]
+    if unknown or not given:
+        raise InputError(
+            *(f"--responses: unknown response {name!r}{suggestion(name, known)}" for name in unknown or [""])
+        )
+    wanted = set().union(*(groups.get(name, {name}) for name in given))
     return tuple(name for name in RESPONSES if name in wanted)
 
 

@@ -207,9 +207,27 @@ USAGE = {
     "--set of a swept name": ([*SWEEP, "--set", "speed=9 km/h"], 'give it one value with --over "speed=9 km/h"'),
     "--set twice": ([*SWEEP, "--set", "bogie_mass=1 t", "--set", "bogie_mass=2 t"], "given twice; give it once"),
     "--over twice": ([*SWEEP, "--over", "speed=1 km/h", "--over", "speed=2 km/h"], "given twice; give it once"),
+    "--set of both bands": (
+        [*SWEEP, "--set", "frequency=1:10 Hz", "--set", "wavelength=1:10 m"],
+        "--set wavelength: excludes --set frequency; give one of the two",
+    ),
+    "--set of a band and of none": (
+        [*SWEEP, "--set", "frequency=1:10 Hz", "--set", "band=none"],
+        "--set band: excludes --set frequency; give one of the two",
+    ),
+    "--set of both contacts": (
+        [*SWEEP, "--set", "contact_constant=5e-8 m/N^(2/3)", "--set", "contact_stiffness=1 GN/m"],
+        "--set contact_stiffness: excludes --set contact_constant; give one of the two",
+    ),
+    "--over of both contacts": (
+        [*SWEEP, "--over", "contact_stiffness=1, 2 GN/m", "--over", "contact_constant=5e-8, 6e-8 m/N^(2/3)"],
+        "--over contact_constant: excludes --over contact_stiffness; give one of the two",
+    ),
     "two points": (["show", "intact.nc", *["--at", "speed=250 km/h"] * 2], "given 2 times; this command takes one"),
     "an axis of spectra without --psd": ([*SWEEP, "--over", "frequency=1, 2 Hz"], "add --psd"),
     "unknown response": ([*SWEEP, "--responses", "bogie_accel"], "did you mean bogie_acceleration?"),
+    "unknown response beside others": ([*SWEEP, "--responses", "paper,x"], "unknown response 'x' (known: paper, all,"),
+    "no response": ([*SWEEP, "--responses", ""], "unknown response '' (known: paper"),
     "unknown case": (["sweep", "yu-damper-join"], "did you mean yu-damper-joint?"),
     "unknown case to print": (["cases", "yu"], "no shipped case of that name"),
     "--at of a case": (["show", "yu-damper-joint", "--at", "speed=250 km/h"], "goes with a result"),

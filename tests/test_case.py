@@ -1103,9 +1103,17 @@ def test_band_none_removes_the_band():
 
 def test_one_kind_of_band_removes_the_other():
     assert build_case(PLAIN, {"wavelength": "1:200 m"}).band == Band("wavelength", 1.0, 200.0)
-    back = build_case(PLAIN, {"wavelength": "1:200 m", "frequency": "1 Hz, 2 Hz"})
-    assert back.band == Band("frequency", 1.0, 2.0)
-    assert build_case(PLAIN, {"band": "none", "frequency": "1:2 Hz"}).band == Band("frequency", 1.0, 2.0)
+    long = build_case(PLAIN, {"wavelength": "1:200 m"})
+    assert build_case(long.effective, {"frequency": "1 Hz, 2 Hz"}).band == Band("frequency", 1.0, 2.0)
+
+
+@pytest.mark.parametrize("first", [{"wavelength": "1:200 m"}, {"band": "none"}])
+def test_two_settings_of_which_one_can_hold_are_refused_in_either_order(first):
+    both = first | {"frequency": "1:2 Hz"}
+    for settings in (both, dict(reversed(both.items()))):
+        (problem,) = refusal(lambda settings=settings: build_case(PLAIN, settings))
+        one, other = (f"--set {name}" for name in settings)
+        assert problem == f"{other}: excludes {one}; give one of the two"
 
 
 def test_one_contact_key_removes_the_other():

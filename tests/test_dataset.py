@@ -191,6 +191,7 @@ def test_stiff_joints_approach_the_traditional_model():
         ("primary_stroke", ["primary_stroke"]),
         ("primary_stroke, car_body_acceleration", ["car_body_acceleration", "primary_stroke"]),
         (["wheelset_acceleration"], ["wheelset_acceleration"]),
+        ("paper, wheelset_acceleration", [*FOUR, "wheelset_acceleration"]),
     ],
 )
 def test_responses_are_those_asked_for(asked, expected):
