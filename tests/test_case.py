@@ -1110,9 +1110,9 @@ def test_one_kind_of_band_removes_the_other():
 @pytest.mark.parametrize("first", [{"wavelength": "1:200 m"}, {"band": "none"}])
 def test_two_given_of_which_one_can_hold_are_refused_in_either_order(first):
     both = first | {"frequency": "1:2 Hz"}
-    for given in (both, dict(reversed(both.items()))):
-        (problem,) = refusal(lambda given=given: build_case(PLAIN, given))
-        one, other = (f"--set {name}" for name in given)
+    for changes in (both, dict(reversed(both.items()))):
+        (problem,) = refusal(lambda changes=changes: build_case(PLAIN, changes))
+        one, other = (f"--set {name}" for name in changes)
         assert problem == f"{other}: excludes {one}; give one of the two"
 
 
