@@ -23,7 +23,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from freqrail import confirmation_figures
@@ -49,6 +49,8 @@ _DEEPEST = 1e-8  # of its top, where a PSD axis ends: below lie only the dips of
 _BLUE = "#0072B2"  # of Okabe and Ito's colours
 _CAR = {"front": "over the front pivot", "centre": "at the centre", "rear": "over the rear pivot"}
 _CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
+_NARROW = 5.0  # a logarithmic axis from 1 to less than this is ticked as a linear one
+_TICKS = 5  # at most so many steps between ticks: long numbers must not touch
 _RIGID = 0.95  # of a panel's width, where the mark of the rigid joint begins
 
 STYLE = {
@@ -314,7 +316,9 @@ def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
     own = values.size > 1 and gaps.min() > _CROWDED * gaps.sum() and all(len(f"{value:g}") <= 5 for value in values)
     if own:
         axis.set_ticks(values)
-    elif name in JOINTS and values[-1] <= 1000 * values[0]:  # more decades have no room for it
+    elif name not in JOINTS or values[-1] <= _NARROW * values[0]:
+        axis.set_major_locator(MaxNLocator(_TICKS))
+    elif values[-1] <= 1000 * values[0]:  # more decades have no room for it
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     else:
         return
