@@ -24,7 +24,7 @@ from freqrail import residues, rms
 from freqrail.nodes import SharedNodes, own_edges, shared_nodes, speed_groups
 from freqrail.response import SERIES, response_psd
 from freqrail.study import Study, cells, cells_by_geometry, cut
-from freqrail.vehicle import CHAINS, Vehicle, chain_system, ladder, poles, state_space
+from freqrail.vehicle import chain_system, ladder, poles, state_space
 
 STATUS = ("ok", "unresolved_peak", "undamped", "failed")
 """Meaning of the status values 0, 1, ...; all but the first come with NaN."""
@@ -107,25 +107,23 @@ def _solve_in_closed_form(study: Study, solution: Solution, jobs: int, progress:
 def _inaccurate(study: Study, solution: Solution) -> list[tuple[int, ...]]:
     """Damped vehicles with an error estimate above TOLERANCE, or none at all, at some speed."""
     worst = np.max([np.max(e, axis=(0, -1)) for e in solution.relative_error.values()], axis=0)
-    damped = np.greater(study.vehicle.primary_damping, 0)
-    return [tuple(map(int, i)) for i in np.argwhere(~(worst <= TOLERANCE) & damped)]
+    return [tuple(map(int, i)) for i in np.argwhere(~(worst <= TOLERANCE) & ~_without_damper(study))]
 
 
 def _improve(study: Study, solution: Solution, index: tuple[int, ...]) -> None:
-    """Quadrature for one vehicle, kept at the speeds where its error estimates are the smaller ones."""
+    """Quadrature for one vehicle, kept for the responses and speeds where its error estimates are the smaller ones."""
     vehicle = study.vehicle.at(index)
-    for speeds in speed_groups(replace(study, vehicle=vehicle), poles(vehicle)):
+    for speeds in speed_groups(replace(study, vehicle=vehicle), poles(vehicle, study.chains)):
         squares = _own_quadrature(replace(study, speed=study.speed[speeds]), index)
         own = {name: _root(square) for name, square in squares.items()}
         at: tuple[Any, ...] = (slice(None), *index, speeds)
-        before = np.max([np.max(e[at], axis=0) for e in solution.relative_error.values()], axis=0)
-        after = np.max([np.max(error, axis=0) for _, error in own.values()], axis=0)
-        better = (after < before) | ~np.isfinite(before)
         for name, (root, error) in own.items():
+            before, after = (np.max(e, axis=0) for e in (solution.relative_error[name][at], error))
+            better = (after < before) | ~np.isfinite(before)
             solution.rms[name][at] = np.where(better, root, solution.rms[name][at])
             solution.relative_error[name][at] = np.where(better, error, solution.relative_error[name][at])
-        method = solution.method[at[1:]]
-        solution.method[at[1:]] = np.where(better, METHOD.index("own_quadrature"), method)
+            method = solution.method[at[1:]]
+            solution.method[at[1:]] = np.where(better, METHOD.index("own_quadrature"), method)
 
 
 def _solve_by_quadrature(study: Study, solution: Solution, shared: SharedNodes, jobs: int, progress: Progress) -> None:
@@ -176,7 +174,7 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     rule = rms.quadrature(edges)
     nodes = rms.weighted_nodes(vehicle, study.spectrum, rule, study.speed, study.limits, OWN_NODES)
-    squares = rms.mean_squares(vehicle, study.names, nodes, rms.rounding(poles(vehicle), study.limits))
+    squares = rms.mean_squares(vehicle, study.names, nodes, rms.rounding(poles(vehicle, study.chains), study.limits))
     if np.isinf(study.limits).any():
         beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}
@@ -247,9 +245,8 @@ def _judge(study: Study, solution: Solution) -> None:
     finite = np.all([np.all(np.isfinite(v), axis=0) for v in solution.rms.values()], axis=0)
     solution.status[np.all(errors <= TOLERANCE, axis=0) & finite] = STATUS.index("ok")
     solution.status[~finite] = STATUS.index("failed")
-    damperless = np.equal(study.vehicle.primary_damping, 0) | np.equal(study.vehicle.secondary_damping, 0)
-    for index in map(tuple, np.argwhere(np.broadcast_to(damperless, study.vehicle.shape))):
-        undamped = _undamped(study.vehicle.at(index), study.limits)
+    for index in map(tuple, np.argwhere(_without_damper(study))):
+        undamped = _undamped(study, index)
         solution.status[index][undamped] = STATUS.index("undamped")
     bad = solution.status != STATUS.index("ok")
     solution.method[bad] = METHOD.index("none")
@@ -257,10 +254,22 @@ def _judge(study: Study, solution: Solution) -> None:
         values[:, bad] = np.nan
 
 
-def _undamped(vehicle: Vehicle, limits: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _without_damper(study: Study) -> NDArray[np.bool_]:
+    """Vehicles of which a chain that the responses take part in has no damper at all, [grid...]."""
+    result = np.zeros(study.vehicle.shape, dtype=bool)
+    for chain in study.chains:
+        none = np.ones(study.vehicle.shape, dtype=bool)
+        for _, damping, _ in ladder(study.vehicle, chain)[1]:
+            none &= np.equal(damping, 0)
+        result |= none
+    return result
+
+
+def _undamped(study: Study, index: tuple[int, ...]) -> NDArray[np.bool_]:
     """Whether a chain without any damper resonates inside the band, [speeds]: its variance is infinite."""
+    vehicle, limits = study.vehicle.at(index), study.limits
     result = np.zeros(limits.shape[1], dtype=bool)
-    for chain in CHAINS:
+    for chain in study.chains:
         if all(damping == 0 for _, damping, _ in ladder(vehicle, chain)[1]):
             resonances = np.abs(np.linalg.eigvals(state_space(chain_system(vehicle, chain)).a).imag)
             inside = (resonances[:, None] > limits[0]) & (resonances[:, None] < limits[1])

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from freqrail import residues, rms
 from freqrail.study import Study, cut
-from freqrail.track import kinks, singular_points
-from freqrail.vehicle import CHAINS, Vehicle, poles
+from freqrail.track import RationalSpectrum, kinks, singular_points
+from freqrail.vehicle import Vehicle, poles
 
 SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
 SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
@@ -43,7 +43,7 @@ class SharedNodes:
 
 def in_closed_form(study: Study) -> bool:
     """Whether a study needs no nodes: the whole axis below a rational spectrum."""
-    return study.band is None and residues.applies(study.spectrum)
+    return study.band is None and isinstance(study.spectrum, RationalSpectrum)
 
 
 def shared_nodes(study: Study) -> tuple[SharedNodes, ...]:
@@ -51,7 +51,7 @@ def shared_nodes(study: Study) -> tuple[SharedNodes, ...]:
     if in_closed_form(study):
         return ()
     sample = replace(study, vehicle=_sample(study.vehicle))
-    resonances = np.concatenate([residues.chain_poles(sample.vehicle, chain).ravel() for chain in CHAINS])
+    resonances = np.concatenate([residues.chain_poles(sample.vehicle, chain).ravel() for chain in study.chains])
     resonances = resonances[np.isfinite(resonances)]
     all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
     return tuple(_shared(sample, group, resonances, all_known) for group in speed_groups(sample, resonances))
@@ -98,7 +98,7 @@ def speed_groups(study: Study, resonances: NDArray[np.complex128]) -> list[NDArr
 
 def own_edges(study: Study, vehicle: Vehicle) -> NDArray[np.float64] | None:
     """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many."""
-    resonances = poles(vehicle)
+    resonances = poles(vehicle, study.chains)
     study = replace(study, vehicle=vehicle)
     if not np.isfinite(resonances).all():
         return None

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.response import BODIES, SERIES, STAGES, Series, column_signs, cos_sin, descend
+from freqrail.response import BODIES, SERIES, STAGES, Series, chains_of, column_signs, cos_sin, descend
 from freqrail.rms import MeanSquare
 from freqrail.track import RationalSpectrum, Spectrum
 from freqrail.vehicle import CHAINS, Vehicle, ladder, leg_dynamic_stiffness
@@ -64,11 +64,15 @@ FAR = 1e7
 
 DIFFERENCE = 1e-6  # relative step of the difference quotient in Newton's method
 MERGING = 0.03  # poles of a chain closer than this, relatively, are taken for merging
-MEETING = 3e-4  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
+MEETING = 1e-3  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
 LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
 SPREAD, SUPPORT = 0.12, 12  # half-width (relative, of the dampings) and number of the interpolation's nodes
 
-LOSS = 2e-11  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
+ONE_POLE = 0.05  # cutoffs of a spectrum closer than this to their mean, relatively, are taken for merging
+APART, SPECTRA = (0.06, 0.4), 9  # distances from the mean, and number, of cutoffs from which is extrapolated there
+
+LOSS = 4e-11  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
+SAFETY = 2  # of the doubt that two ways to a residue leave
 EPSILON = np.finfo(float).eps
 
 
@@ -190,12 +194,26 @@ def _beyond(vehicle: Vehicle, p: NDArray[np.complex128]) -> NDArray[np.bool_]:
 # --- sums of residues ------------------------------------------------------------------------------
 
 
-def applies(spectrum: Spectrum) -> bool:
-    """Whether a spectrum is rational with simple poles, which the closed form takes for granted."""
-    if not isinstance(spectrum, RationalSpectrum):
-        return False
+def spread(spectrum: RationalSpectrum) -> list[tuple[float, RationalSpectrum]]:
+    """(weight, spectrum with two simple poles) whose weighted sum gives the mean squares of a spectrum.
+
+    The spectrum itself, unless its cutoffs m - d and m + d are nearly one: the residues at both grow without bound and
+    cancel there. But for the factor Omega_c^2 of eq. (11), a mean square is an even and smooth function of d, so that
+    the value at the d in question follows from those at larger ones by a polynomial in d^2.
+    """
     low, high = spectrum.cutoffs
-    return abs(low - high) > 1e-3 * (low + high)
+    mean = (low + high) / 2
+    if abs(high - low) / 2 > ONE_POLE * mean:
+        return [(1.0, spectrum)]
+    first, last = np.square(APART)
+    squares = (first + last) / 2 + (last - first) / 2 * np.cos(np.pi * (np.arange(SPECTRA) + 0.5) / SPECTRA)
+    here = ((high - low) / 2 / mean) ** 2
+    result = []
+    for x in squares:
+        weight = float(np.prod([(here - z) / (x - z) for z in squares if z != x]))
+        cutoffs = (mean * (1 - np.sqrt(x)), mean * (1 + np.sqrt(x)))
+        result.append((weight, RationalSpectrum(spectrum.name, spectrum.roughness * (high / cutoffs[1]) ** 2, cutoffs)))
+    return result
 
 
 def mean_squares(
@@ -204,8 +222,8 @@ def mean_squares(
     """Mean squares over the whole axis of the named responses, for a grid of vehicles and every speed.
 
     vehicle: fields that broadcast to [grid...]; speed: [m] in m/s. Returns {name: MeanSquare}, each
-    [positions, grid..., speeds]. The error estimate counts what the terms lose when they cancel. Every pole must
-    be damped; the two cutoffs of the spectrum must differ.
+    [positions, grid..., speeds]. The error estimate counts what the terms lose when they cancel. Every pole of the
+    chains that take part must be damped. Raises TypeError for a spectrum that is not rational.
     """
     if not isinstance(spectrum, RationalSpectrum):
         raise TypeError(f"the closed form is for rational spectra (got {type(spectrum).__name__})")
@@ -213,7 +231,14 @@ def mean_squares(
         single = mean_squares(vehicle.map(lambda field: np.reshape(field, 1)), names, spectrum, speed)
         return {name: MeanSquare(square.value[:, 0], square.error[:, 0]) for name, square in single.items()}
     with np.errstate(all="ignore"):  # an undamped or overflowing vehicle gives inf or nan, which the caller judges
-        return _mean_squares(vehicle, names, spectrum, speed)
+        parts = [(weight, _mean_squares(vehicle, names, each, speed)) for weight, each in spread(spectrum)]
+    return {
+        name: MeanSquare(
+            np.sum([weight * part[name].value for weight, part in parts], axis=0),
+            np.sum([abs(weight) * part[name].error for weight, part in parts], axis=0),
+        )
+        for name in names
+    }
 
 
 def _mean_squares(
@@ -275,16 +300,15 @@ def _sum_of_residues(
 
     speed: [speeds], or [grid..., speeds] with axes of length 1 where it is common to the vehicles.
     """
-    chains = {chain: modal(vehicle, chain) for chain in CHAINS}
+    chains = {chain: modal(vehicle, chain) for chain in chains_of(names)}
     distances = _lag_distances(vehicle)
     columns = {name: _columns(SERIES[name]) for name in names}
     terms: dict[tuple[str, int], list[tuple[NDArray, NDArray]]] = {(k, c): [] for k in names for c in columns[k]}
-    for x in CHAINS:
+    for x in chains:
         rows = [(name, c) for name, c in terms if any(x == first for first, _, _ in PRODUCTS[c])]
-        if rows:
-            for row, term in zip(rows, _chain_terms(vehicle, chains, x, rows, distances, spectrum, speed), strict=True):
-                terms[row].append(term)
-    for track in _track_poles(vehicle, distances, spectrum, speed):
+        for row, term in zip(rows, _chain_terms(vehicle, chains, x, rows, distances, spectrum, speed), strict=True):
+            terms[row].append(term)
+    for track in _track_poles(vehicle, tuple(chains), distances, spectrum, speed):
         for (name, c), found in terms.items():
             extra = track.term(SERIES[name], c)
             found.append((extra, LOSS * np.abs(extra)))
@@ -339,7 +363,7 @@ def _chain_terms(
         series = SERIES[name]
         quantity, scale = series.quantity, chain.weight * p ** (2 * series.derivative)
         fractions = {y: np.sum(near[y] * chains[y].residues[quantity][..., None, :], axis=-1) for y in series.chains}
-        apart = 2 * np.abs(p * (fractions[x] - direct[x][quantity])) * damped
+        apart = SAFETY * 2 * np.abs(p * (fractions[x] - direct[x][quantity])) * damped
         for y in series.chains:
             mirrored = np.where(damped, direct[y][quantity], fractions[y])
             heads[name, y] = scale * chain.take(chain.residues[quantity]) * mirrored
@@ -388,7 +412,7 @@ def _loss(chains: dict[str, Modal]) -> NDArray[np.float64]:
         with np.errstate(divide="ignore"):
             sharp = np.where(chain.weight > 0, np.abs(p) / np.abs(2 * p.real), 0.0)
         sharpness = np.maximum(sharpness, sharp.max(axis=-1))
-    return (LOSS + 4 * EPSILON * sharpness)[..., None]
+    return (LOSS + 8 * EPSILON * sharpness)[..., None]
 
 
 def _lag_distances(vehicle: Vehicle) -> NDArray[np.float64]:
@@ -452,14 +476,18 @@ class _TrackPole:
 
 
 def _track_poles(
-    vehicle: Vehicle, distances: NDArray, spectrum: RationalSpectrum, speed: NDArray[np.float64]
+    vehicle: Vehicle,
+    chains: tuple[str, ...],
+    distances: NDArray,
+    spectrum: RationalSpectrum,
+    speed: NDArray[np.float64],
 ) -> Iterator[_TrackPole]:
     low, high = spectrum.cutoffs
     scale = spectrum.roughness * high**2 / (high**2 - low**2) / 2
     for cutoff, residue in ((low, scale / low), (high, -scale / high)):
         q = -cutoff * speed
         elements = {}
-        for chain in CHAINS:
+        for chain in chains:
             for sign in (1, -1):
                 track, ratios, _ = descend(vehicle.column(), chain, sign * q, q * q)
                 elements[chain, sign] = {name: ratio / track for name, ratio in ratios.items()}

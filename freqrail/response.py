@@ -75,6 +75,11 @@ SERIES: dict[str, Series] = {
 }
 
 
+def chains_of(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The chains that take part in any of the named responses, in the order of `CHAINS`."""
+    return tuple(chain for chain in CHAINS if any(chain in SERIES[name].chains for name in names))
+
+
 @dataclass(frozen=True)
 class ChainResponse:
     """Frequency response of a chain of bodies, per unit displacement of its top body.

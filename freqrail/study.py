@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.response import chains_of
 from freqrail.track import Band, Spectrum, band_limits, kinks
 from freqrail.vehicle import Vehicle
 
@@ -37,6 +38,11 @@ class Study:
     def points(self) -> int:
         """Number of grid points."""
         return math.prod(self.shape)
+
+    @property
+    def chains(self) -> tuple[str, ...]:
+        """The chains that its responses take part in: what happens in another is nothing to them."""
+        return chains_of(self.names)
 
     @property
     def limits(self) -> NDArray[np.float64]:

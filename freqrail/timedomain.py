@@ -6,10 +6,11 @@ Two verdicts, never mixed:
   integrator's error is left, so that the tolerance is tight; it finds a fault in the equations, the lags or the
   integration, whatever the track's spectrum.
 - statistical: Gaussian records against the RMS over the continuous spectrum (`freqrail.verdicts`). It finds a wrong
-  spectrum too.
+  use of the spectrum or the band, and a wrong quadrature, too.
 
-The frequency side (`response.track_response`) and the time side (`vehicle.state_space`) share the vehicle's numbers and
-nothing else; a fault put into a `Simulated` is on the time side only.
+The frequency side (`response.track_response`) and the time side (`vehicle.state_space`) share what both are told, the
+vehicle's numbers, the lags of eq. (2) and S_v of eq. (11), and nothing else; a fault put into a `Simulated` is on the
+time side only.
 """
 
 from __future__ import annotations

@@ -287,14 +287,14 @@ def state_space(system: System) -> StateSpace:
     return StateSpace(a, b, states)
 
 
-def poles(vehicle: Vehicle) -> NDArray[np.complex128]:
-    """Poles of a single vehicle, rad/s: those of its three chains, the bogie-pitch pair once.
+def poles(vehicle: Vehicle, chains: tuple[str, ...] = CHAINS) -> NDArray[np.complex128]:
+    """Poles of a single vehicle, rad/s: those of its three chains, or some of them, the bogie-pitch pair once.
 
     The chains' blocks are small and well separated, so that the repeated front and rear
     bogie-pitch poles of the 26-state matrix do not disturb each other. NaN where the numbers overflow.
     """
     with np.errstate(all="ignore"):
-        matrices = [state_space(chain_system(vehicle, chain)).a for chain in CHAINS]
+        matrices = [state_space(chain_system(vehicle, chain)).a for chain in chains]
     return np.concatenate(
         [np.linalg.eigvals(a) if np.isfinite(a).all() else np.full(len(a), np.nan) for a in matrices]
     ).astype(complex)

@@ -116,7 +116,9 @@ def test_a_pole_within_a_panel_allows_a_multiple_of_its_width(before):
 def test_an_undamped_pole_is_passed_in_steps_that_rounding_can_tell_apart():
     edges = rms.panel_edges(np.array([1.0, 3000.0]), np.array([1225j]), longest_lag=0.0)
     assert np.all(np.diff(edges) > 0)
-    assert np.min(np.diff(edges)) == pytest.approx(1225 * rms.NARROWEST, rel=0.2, abs=0)  # of numbers whose last bit is 2e-13
+    assert np.min(np.diff(edges)) == pytest.approx(
+        1225 * rms.NARROWEST, rel=0.2, abs=0
+    )  # of numbers whose last bit is 2e-13
     assert edges.size < 200
 
 

@@ -502,7 +502,8 @@ def test_responses_converge_to_the_traditional_ones_like_one_over_the_joint_stif
 
 
 def test_static_wheel_load_of_the_papers_case():
-    assert static_wheel_load(15200.0, 600.0, 700.0) == pytest.approx((15200 / 4 + 600 / 2 + 700) * 9.8, rel=1e-15, abs=0)
+    load = (15200 / 4 + 600 / 2 + 700) * 9.8
+    assert static_wheel_load(15200.0, 600.0, 700.0) == pytest.approx(load, rel=1e-15, abs=0)
     assert static_wheel_load(15200.0, 600.0, 700.0) == pytest.approx(47040.0, rel=1e-15, abs=0)
 
 
