@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import time
 from collections.abc import Sequence
 from dataclasses import fields, replace
 
@@ -18,7 +20,7 @@ from helpers import (
 )
 from scipy.linalg import solve_continuous_lyapunov
 
-from freqrail import grid, rms
+from freqrail import grid, residues, rms
 from freqrail.response import SERIES, chain_responses, track_response
 from freqrail.study import Study
 from freqrail.track import Band, RationalSpectrum, TabulatedSpectrum, wavenumber_psd
@@ -422,6 +424,90 @@ def test_a_single_vehicle_that_overflows_fails_and_raises_nothing(paper_vehicle,
     with np.errstate(all="ignore"):
         solution = solve(replace(paper_vehicle, wheelset_mass=1e-305), [60.0], band)
     assert_without_result(solution, np.array([True]), "failed")
+
+
+def test_a_root_has_half_the_relative_error_of_its_square():
+    root, error = grid._root(rms.MeanSquare(np.array([4.0]), np.array([0.04])))
+    assert root == [2.0]
+    assert error == [0.005]
+
+
+def test_responses_do_not_care_for_a_chain_that_they_are_no_part_of(paper_vehicle):
+    """Without primary dampers the bogies pitch for ever, which neither the car body nor the bogies' centres feel."""
+    undamped = replace(paper_vehicle, primary_damping=np.array([0.0, 17e3]))
+    names = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke")
+    solution = solve(undamped, [60.0], PAPER_BAND, names)
+    assert_ok(solution)
+    expected = reference_rms(undamped.at((0,)), TRACK, 60.0, 0.2 * np.pi, 200 * np.pi, names, transfer=from_chains)
+    for name in names:
+        np.testing.assert_allclose(solution.rms[name][:, 0, 0], expected[name], rtol=1e-8)
+    with_pitch = solve(undamped, [60.0], PAPER_BAND, ("bogie_acceleration", "primary_stroke"))
+    assert_without_result(with_pitch, np.array([[True], [False]]), "undamped")
+
+
+def test_each_response_takes_the_better_of_closed_form_and_quadrature(paper_vehicle, monkeypatch):
+    """Where either is good for one response and not for the other, both have numbers."""
+    names = ("bogie_acceleration", "primary_stroke")
+    closed, own = residues.mean_squares, grid._own_quadrature
+
+    def doubtful(*given):
+        squares = closed(*given)
+        bogie = squares["bogie_acceleration"]
+        return squares | {"bogie_acceleration": rms.MeanSquare(2 * bogie.value, bogie.value)}
+
+    def lost(*given):
+        squares = own(*given)
+        return squares | {
+            "primary_stroke": rms.MeanSquare(*(np.nan * x for x in vars(squares["primary_stroke"]).values()))
+        }
+
+    good = solve(paper_vehicle, [30.0, 60.0], None, names)
+    monkeypatch.setattr(residues, "mean_squares", doubtful)
+    monkeypatch.setattr(grid, "_own_quadrature", lost)
+    mended = solve(paper_vehicle, [30.0, 60.0], None, names)
+    assert np.all(mended.method == grid.METHOD.index("own_quadrature"))
+    np.testing.assert_allclose(mended.rms["bogie_acceleration"], good.rms["bogie_acceleration"], rtol=1e-8)
+    assert np.array_equal(mended.rms["primary_stroke"], good.rms["primary_stroke"])
+
+
+@pytest.mark.parametrize(
+    ("band", "parts"),
+    [
+        (None, 8),  # 1,000 vehicles at 100 speeds: 5 x 5 x 5 vehicles a block
+        (PAPER_BAND, 10),  # 5 x 5 x 4
+        (Band("frequency", 0.1, 300.0), 1000),  # a vehicle at a time
+    ],
+)
+def test_the_time_of_a_sweep_is_that_of_its_first_block_times_the_blocks(paper_vehicle, monkeypatch, band, parts):
+    monkeypatch.setattr(grid, "_timed", lambda task: 6.0)
+    joints = np.geomspace(1e6, 1e8, 10)
+    many = replace(
+        paper_vehicle,
+        primary_joint_stiffness=joints[:, None, None],
+        secondary_joint_stiffness=joints[:, None],
+        bogie_mass=np.linspace(500, 700, 10),
+    )
+    study = Study(many, np.linspace(30, 80, 100), TRACK, band, PAPER_NAMES)
+    assert grid.seconds(study) == 6.0 * parts
+    assert grid.seconds(study, jobs=3) == 2.0 * parts
+
+
+def test_a_task_takes_time():
+    assert 0.02 <= grid._timed(lambda: time.sleep(0.02)) < 60
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 5])
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+def test_every_item_is_done_once_and_a_fault_is_not_lost(jobs, count):
+    done: list[int] = []
+    grid._run(done.append, list(range(count)), jobs)
+    assert sorted(done) == list(range(count))
+
+    def fault(item: int) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError) if count else contextlib.nullcontext():
+        grid._run(fault, list(range(count)), jobs)
 
 
 def test_fields_broadcast_as_arrays_do(paper_vehicle):
