@@ -89,11 +89,24 @@ def read(dataset: xr.Dataset, response: str, places: Places | None = None) -> Sc
 
 
 def scan(dataset: xr.Dataset, response: str, joint: str, places: Places | None = None) -> Scan:
-    """One response against one joint's stiffness, the other joint at the paper's 5 MN/m."""
+    """One response against one joint's stiffness, the other joint at the paper's 5 MN/m.
+
+    Beside it stands the traditional model, as in the paper, or the vehicle with that joint alone rigid, if the dataset
+    has it (`own_rigid`): what the joint does by itself.
+    """
     both = read(dataset, response, places)
     other = next(name for name in JOINTS if name != joint)
     values = both.joint.sel({other: OTHER_JOINT}, drop=True).rename({joint: "stiffness"})
-    return Scan(values.transpose("stiffness", "speed"), both.rigid)
+    rigid = both.rigid
+    if (name := own_rigid(response, joint)) in dataset:
+        at = {dim: place for dim, place in (places or PLACES).items() if dim in dataset[name].dims}
+        rigid = dataset[name].sel(at, drop=True)
+    return Scan(values.transpose("stiffness", "speed"), rigid)
+
+
+def own_rigid(response: str, joint: str) -> str:
+    """The variable of a response's RMS with one joint rigid and the other at the paper's 5 MN/m."""
+    return f"rigid_{joint}_{response}_rms"
 
 
 def low(values: xr.DataArray) -> xr.DataArray:

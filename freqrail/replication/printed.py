@@ -21,18 +21,27 @@ from freqrail.timedomain import readout
 from freqrail.track import Band, Spectrum, angular_psd, band_limits, singular_points
 from freqrail.vehicle import StateSpace, Vehicle, half_vehicle, state_space
 
-REVERSED = (("secondary_1", "z_t1"), ("primary_4", "z_t2"))
+Signs = tuple[tuple[str, str], ...]
 """(leg, freedom): whose damper force has the wrong sign in whose equation."""
 
+FRONT, REAR = ("secondary_1", "z_t1"), ("primary_4", "z_t2")
+READINGS: dict[str, Signs] = {
+    "both signs as printed": (FRONT, REAR),
+    "the front bogie's +K_sd alone": (FRONT,),
+    "the rear bogie's +K_pd alone": (REAR,),
+}
+"""What of the printed signs the paper may have computed with."""
+AS_PRINTED = READINGS["both signs as printed"]
 
-def printed_state_space(vehicle: Vehicle) -> StateSpace:
+
+def printed_state_space(vehicle: Vehicle, signs: Signs = AS_PRINTED) -> StateSpace:
     """The state matrices of eqs. (3) to (7) as printed; finite joints and dampers in both stages."""
     system = half_vehicle(vehicle)
     right = state_space(system)
     a = right.a.copy()
     position = [right.states.index(freedom) for freedom in system.freedoms]
     legs = {leg.name: leg for leg in system.legs}
-    for name, freedom in REVERSED:
+    for name, freedom in signs:
         leg, row = legs[name], system.freedoms.index(freedom)
         # the damper's force on this freedom, taken away twice
         push = 2 * leg.elongation[row] * leg.joint_stiffness / 2 / system.inertia[row]
@@ -41,26 +50,28 @@ def printed_state_space(vehicle: Vehicle) -> StateSpace:
     return StateSpace(a, right.b, right.states)
 
 
-def asymmetry(vehicle: Vehicle) -> float:
+def asymmetry(vehicle: Vehicle, signs: Signs = AS_PRINTED) -> float:
     """Largest entry of K - K^T of the printed equations, dampers held still, over the largest of K; 0 if symmetric."""
     system = half_vehicle(vehicle)
-    printed = printed_state_space(vehicle)
+    printed = printed_state_space(vehicle, signs)
     n = len(system.freedoms)
     k = -np.diag(system.inertia) @ printed.a[:n, -n:]
     return float(np.abs(k - k.T).max() / np.abs(k).max())
 
 
-def growth_rate(vehicle: Vehicle) -> float:
+def growth_rate(vehicle: Vehicle, signs: Signs = AS_PRINTED) -> float:
     """Largest real part of the printed equations' poles, 1/s; above zero: unstable, no steady response exists."""
-    return float(np.linalg.eigvals(printed_state_space(vehicle).a).real.max())
+    return float(np.linalg.eigvals(printed_state_space(vehicle, signs).a).real.max())
 
 
-def printed_rms(vehicle: Vehicle, spectrum: Spectrum, speed: NDArray[np.float64], band: Band) -> NDArray[np.float64]:
+def printed_rms(
+    vehicle: Vehicle, spectrum: Spectrum, speed: NDArray[np.float64], band: Band, signs: Signs = AS_PRINTED
+) -> NDArray[np.float64]:
     """RMS of the eleven series (`timedomain.readout`) by the printed equations: [series, speeds], SI units.
 
     speed: [m] in m/s. band: limits of every speed. NaN where the equations are unstable.
     """
-    model = printed_state_space(vehicle)
+    model = printed_state_space(vehicle, signs)
     poles = np.linalg.eigvals(model.a)
     rows = readout(half_vehicle(vehicle), model, vehicle)
     if poles.real.max() >= 0:

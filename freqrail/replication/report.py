@@ -22,6 +22,7 @@ from freqrail.replication.claims import (
     PRIMARY_STROKE,
     RESPONSE_NAMES,
     SECONDARY,
+    SECONDARY_STROKE,
     Claim,
 )
 from freqrail.replication.document import Block, Bullets, Heading, Image, Paragraph, Table
@@ -172,6 +173,12 @@ def _contradictions(grid: xr.Dataset) -> list[Block]:
         f"without that damper. Computed distance: with the softest joint {extent(d.isel(stiffness=0), False)}, with "
         f"the stiffest {extent(d.isel(stiffness=-1), False)}."
     )
+    apart = abs(judging.scan(grid, SECONDARY_STROKE, PRIMARY).departure)
+    items.append(
+        "**Secondary stroke and primary joint (VI.A 3a against VII 1).** What hardly changes with a joint is not "
+        f"significantly affected by it. Computed, the departure is {extent(apart, False)}: up to "
+        f"{whole(SAME)} at all points but {int((apart > SAME).sum())} of {apart.size}, by which VII 1 holds."
+    )
     return [
         Heading(2, "Where the paper contradicts itself"),
         Paragraph("Pairs of claims of which at most one can be true, whatever the numbers:"),
@@ -204,6 +211,13 @@ def _reasons(findings: Mapping[str, Finding], variations: Sequence[Variation], v
             f"Judged are the {len(variations[0].exact)} claims about RMS values; of the exact ones over the whole grid "
             f"{' / '.join(str(_count(variations[0], verdict)) for verdict in VERDICTS)} hold / hold partly / do not "
             "hold."
+        ),
+        Paragraph(
+            "Sections V and VI hold a vehicle of which one joint is scanned, the other kept at 5 MN/m, against one "
+            "whose joints are both rigid. However stiff the scanned joint, the other one keeps the two apart: that the "
+            "curves never coincide (VI.A 1d and 3f, VI.B 1d) is true whatever the scanned joint does, and a slow "
+            "approach (VI.A 1h and 3e) may be a curve that has long reached its own limit. The variation of what a "
+            "joint is compared with judges the scanned joint by its own effect."
         ),
         Paragraph(_ringing(vehicle)),
         Table(("question", "variation", "hold / partly / not", "claims that change verdict", "what else"), rows),

@@ -20,7 +20,7 @@ from freqrail.campaign import sweep
 from freqrail.case import Case
 from freqrail.errors import FreqrailWarning
 from freqrail.names import JOINTS, RESPONSES
-from freqrail.replication import printed
+from freqrail.replication import judging, printed
 from freqrail.replication.claims import judge_all
 from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places, percent
 from freqrail.replication.studies import CASE
@@ -111,14 +111,17 @@ def in_frequency(exact: xr.Dataset, case: Case, progress: Progress = lambda done
         add("band", words, judge_all({"grid": varied}), _change(varied, exact))
     for words, places in ELSEWHERE.items():
         add("place on the vehicle", words, judge_all({"grid": exact}, places))
-    found.append(_as_printed(exact, case))
-    progress(1)
+    name = "with the scanned joint alone rigid, the other at 5 MN/m"
+    add("what a joint is compared with", name, judge_all({"grid": beside_own_rigid(exact)}))
+    for name, signs in printed.READINGS.items():
+        found.append(_as_printed(exact, case, name, signs))
+        progress(1)
     return found
 
 
 def count_in_frequency() -> int:
     """How many variations `in_frequency` makes."""
-    return len(TREADS) * len(RADII) + len(BANDS) + len(ELSEWHERE) + 1
+    return len(TREADS) * len(RADII) + len(BANDS) + len(ELSEWHERE) + 1 + len(printed.READINGS)
 
 
 def _change(varied: xr.Dataset, exact: xr.Dataset) -> str:
@@ -147,7 +150,17 @@ def relabelled(exact: xr.Dataset, joint: NDArray[np.float64], rigid: NDArray[np.
     return xr.Dataset(variables, {name: exact[name] for name in exact.coords if name != "frequency"})
 
 
-def _as_printed(exact: xr.Dataset, case: Case) -> Variation:
+def beside_own_rigid(exact: xr.Dataset) -> xr.Dataset:
+    """The exact grid, and beside it what each joint is compared with to see its own effect (see `judging.scan`)."""
+    rigid: dict[str, xr.DataArray] = {}
+    for joint in JOINTS:
+        alone = sweep(CASE, over={joint: "inf MN/m"}).isel({joint: 0}, drop=True)
+        other = next(name for name in JOINTS if name != joint)
+        rigid |= {judging.own_rigid(name, joint): alone[f"{name}_rms"].sel({other: OTHER_JOINT}) for name in IN_ORDER}
+    return exact.assign({name: values.drop_vars(JOINTS, errors="ignore") for name, values in rigid.items()})
+
+
+def _as_printed(exact: xr.Dataset, case: Case, name: str, signs: printed.Signs) -> Variation:
     """Claims by the printed equations for the joints; the paper prints no equations of the traditional model.
 
     Both datasets are cut to the stiffnesses of either scan at which the printed equations are stable.
@@ -155,8 +168,8 @@ def _as_printed(exact: xr.Dataset, case: Case) -> Variation:
     band = case.band or Band("frequency", 0.1, 100.0)
     shape = case.vehicles().shape
     vehicles = [case.vehicles().at(index) for index in np.ndindex(shape)]
-    growth = np.reshape([printed.growth_rate(vehicle) for vehicle in vehicles], shape)
-    values = np.array([printed.printed_rms(vehicle, case.spectrum, case.speeds(), band) for vehicle in vehicles])
+    growth = np.reshape([printed.growth_rate(vehicle, signs) for vehicle in vehicles], shape)
+    values = np.array([printed.printed_rms(vehicle, case.spectrum, case.speeds(), band, signs) for vehicle in vehicles])
     rigid = np.concatenate([exact[f"traditional_{name}_rms"].transpose(..., "speed").values for name in IN_ORDER])
     varied = relabelled(exact, values.reshape(*shape, *values.shape[1:]), rigid)
     primary, secondary = JOINTS
@@ -165,17 +178,20 @@ def _as_printed(exact: xr.Dataset, case: Case) -> Variation:
         primary: stable[primary][stable.sel({secondary: OTHER_JOINT})],
         secondary: stable[secondary][stable.sel({primary: OTHER_JOINT})],
     }
-    asymmetry = 100 * printed.asymmetry(case.vehicle)
-    always = [f"{float(k):g}" for k in stable[secondary] if not bool(stable.sel({secondary: k}).any())]
-    note = (
-        f"stiffness matrix not symmetric (by {asymmetry:.2g} % of its largest entry); unstable at "
-        f"{int((~stable).sum())} of {stable.size} pairs of Table I, with K_sd = {', '.join(always) or 'no value'} MN/m "
-        f"whatever K_pd; the fastest growth is {growth.max():.2g} 1/s. Judged over the stable rest: "
-        f"K_pd = {_list(part[primary])} MN/m, K_sd = {_list(part[secondary])} MN/m"
-    )
+    asymmetry = 100 * printed.asymmetry(case.vehicle, signs)
+    note = f"stiffness matrix not symmetric (by {asymmetry:.2g} % of its largest entry); "
+    if bool(stable.all()):
+        note += f"stable at all {stable.size} pairs of Table I"
+    else:
+        always = [f"{float(k):g}" for k in stable[secondary] if not bool(stable.sel({secondary: k}).any())]
+        note += (
+            f"unstable at {int((~stable).sum())} of {stable.size} pairs of Table I, with K_sd = "
+            f"{', '.join(always) or 'no value'} MN/m whatever K_pd; the fastest growth is {growth.max():.2g} 1/s. "
+            f"Judged over the stable rest: K_pd = {_list(part[primary])} MN/m, K_sd = {_list(part[secondary])} MN/m"
+        )
     found, base = (judge_all({"grid": dataset.sel(part)}) for dataset in (varied, exact))
     possible = bool(stable.sel({secondary: OTHER_JOINT}).all() and stable.sel({primary: OTHER_JOINT}).all())
-    return Variation("eq. (4) as printed", "both signs as printed", [found], base, note, possible)
+    return Variation("eq. (4) as printed", name, [found], base, note, possible)
 
 
 def _list(values: xr.DataArray) -> str:

@@ -44,6 +44,23 @@ def test_stiff_secondary_joints_make_the_printed_equations_unstable(paper_vehicl
     assert state_space(half_vehicle(stiff)).a.shape == (26, 26)
 
 
+def test_the_front_sign_alone_makes_them_unstable_and_the_rear_one_alone_does_not(paper_case):
+    """Each sign by itself is a change of its own; the two together are the print."""
+    growth = {name: [] for name in printed.READINGS}
+    vehicles = paper_case.vehicles()
+    for index in np.ndindex(vehicles.shape):
+        for name, signs in printed.READINGS.items():
+            growth[name].append(printed.growth_rate(vehicles.at(index), signs))
+    both, front, rear = (np.array(values) for values in growth.values())
+    assert np.array_equal(both > 0, front > 0)
+    assert 0 < np.count_nonzero(front > 0) < front.size
+    assert np.all(rear < 0)
+    vehicle = paper_case.vehicle
+    right = state_space(half_vehicle(vehicle)).a
+    changes = [printed.printed_state_space(vehicle, signs).a - right for signs in printed.READINGS.values()]
+    np.testing.assert_allclose(changes[0], changes[1] + changes[2])
+
+
 def test_unstable_equations_have_no_rms(paper_vehicle, paper_case):
     stiff = replace(paper_vehicle, secondary_joint_stiffness=50e6)
     rms = printed.printed_rms(stiff, paper_case.spectrum, np.array([50.0]), paper_case.band)
