@@ -46,7 +46,7 @@ def test_the_exact_values_relabelled_change_no_verdict(exact):
 
 
 def test_a_joints_own_effect_is_judged_beside_the_vehicle_with_that_joint_rigid(exact):
-    """That departure about halves from 50 to 100 MN/m; the one from the traditional model keeps what the other joint does."""
+    """It about halves from 50 to 100 MN/m; the one from the traditional model keeps what the other joint does."""
     own = beside_own_rigid(exact)
     for joint in JOINTS:
         for name in RESPONSES:
