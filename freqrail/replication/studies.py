@@ -82,7 +82,7 @@ def histories() -> xr.Dataset:
     """One record of the track under the four wheels and both models' steady responses to it, at the paper's point.
 
     Sums of the band's harmonics on 20 s, the responses' amplitudes from the frequency responses: no integration in
-    time, no start. Dimensions time and axle, and each response's own.
+    time, no start. Dimensions sample (at `time`) and axle, and each response's own.
     """
     case = study_case()
     vehicle, speed = case.vehicle, PAPER_SPEED / 3.6
@@ -101,7 +101,7 @@ def histories() -> xr.Dataset:
     metre = {"units": "m"}
     variables: dict[str, Any] = {
         "track_height": (
-            ("axle", "time"),
+            ("axle", "sample"),
             in_time(np.exp(-1j * np.multiply.outer(lags, omega))),
             metre | {"long_name": "track height under a wheel"},
         ),
@@ -115,12 +115,12 @@ def histories() -> xr.Dataset:
             if response.paper:
                 transfer = track_response(SERIES[name], model, omega, speed, chains)
                 variables[f"{prefix}{name}_history"] = (
-                    (response.dimension, "time"),
+                    (response.dimension, "sample"),
                     in_time(transfer * centre),
                     {"units": response.unit, "long_name": f"{response.long_name} in time, {MODELS[prefix]}"},
                 )
     coordinates: dict[str, Any] = {
-        "time": ("time", np.arange(samples) / RATE, {"units": "s", "long_name": "time"}),
+        "time": ("sample", np.arange(samples) / RATE, {"units": "s", "long_name": "time"}),
         "axle": ("axle", np.array(AXLES, dtype=np.int32), {"long_name": "axle, counted from the front"}),
     }
     for response in RESPONSES.values():

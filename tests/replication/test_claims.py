@@ -143,8 +143,8 @@ def track(shifted: bool) -> xr.Dataset:
     time, lag = np.arange(0, 10, 0.001), np.array([0.0, 0.02, 0.09, 0.11])
     seen = time - (lag[:, None] if shifted else 0 * lag[:, None])
     heights = np.sin(2 * np.pi * 3 * seen) + 0.1 * np.sin(2 * np.pi * 30 * seen)
-    coordinates = {"time": time, "axle": [1, 2, 3, 4]}
-    return xr.Dataset({"track_height": (("axle", "time"), heights), "lag": ("axle", lag)}, coordinates)
+    coordinates = {"time": ("sample", time), "axle": [1, 2, 3, 4]}
+    return xr.Dataset({"track_height": (("axle", "sample"), heights), "lag": ("axle", lag)}, coordinates)
 
 
 def spectra(high: bool) -> xr.Dataset:
