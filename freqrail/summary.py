@@ -47,7 +47,7 @@ def number(value: float, digits: int = 4) -> str:
     if not math.isfinite(value):
         return str(value)
     if value == round(value, 0) and abs(value) < 1e7:
-        return f"{value:.0f}"
+        return f"{value + 0.0:.0f}"  # no minus before a zero
     return f"{value:.{digits}g}"
 
 
@@ -278,7 +278,12 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     lines = [printable(line) for line in head]
     for where, numbers in tables.items():
         lines += ["", printable(where), table(numbers)]
+    lines += [
+        "",
+        "confirmed: inside the interval that holds for all checks together with "
+        f"{100 * float(attributes['verdict_confidence']):g} %, wider than the 95 % one above",
+    ]
     checks = 2 * dataset["solver_error"].size
     words = "all stand" if not faults else "NOT all stand"
-    lines += ["", f"{checks} checks: {words}; largest solver error {float(dataset['solver_error'].max()):.1e}"]
+    lines += [f"{checks} checks: {words}; largest solver error {float(dataset['solver_error'].max()):.1e}"]
     return {"title": head[0], "conditions": head[1], "points": tables, "problems": faults}, lines

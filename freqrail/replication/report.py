@@ -50,7 +50,7 @@ from freqrail.replication.judging import (
 from freqrail.replication.procedures import DURATION
 from freqrail.replication.studies import TABLE_I
 from freqrail.replication.variations import Variation
-from freqrail.summary import number
+from freqrail.summary import largest_error, number
 from freqrail.vehicle import Vehicle, poles
 
 _PAPER = (
@@ -98,7 +98,7 @@ def _opening(
         Paragraph(
             f"{_PAPER}, sections V and VI, computed anew from frequency responses: {points} grid points of the model "
             f"with joints (band {grid.attrs['band']}). The paper integrates 20 s in time at each point; here every "
-            f"number has an error estimate, the largest being {_largest_error(grid):.1e}."
+            f"number has an error estimate, the largest being {largest_error(grid):.1e}."
         ),
         Paragraph(f"Of the paper's {len(CLAIMS)} directional claims {counts}."),
     ]
@@ -110,10 +110,6 @@ def _opening(
 def _plural(verdict: str, count: int) -> str:
     words = {HOLDS: "hold", PARTLY: "hold partly", FAILS: "do not hold"}
     return verdict if count == 1 else words[verdict]
-
-
-def _largest_error(grid: xr.Dataset) -> float:
-    return max(float(v.max()) for k, v in grid.data_vars.items() if str(k).endswith("_rms_relative_error"))
 
 
 # --- the claims ------------------------------------------------------------------------------------
