@@ -222,10 +222,13 @@ def _map(dataset: xr.Dataset) -> Figure:
     for name, ax in _panels(figure, _ALL):
         joint, rigid = (_at_place(dataset[f"{p}{name}_rms"]).sel(speed=PAPER_SPEED) for p in ("", "traditional_"))
         departure = (100 * (joint / rigid - 1)).transpose(SECONDARY, PRIMARY).values
-        # a colour scale that the softest corner alone does not use up, the same to either side of zero
+        # a colour scale that the softest corner alone does not use up, the same to either side of zero if both occur
         limit = _round_up(float(np.quantile(np.abs(departure), 0.85)))
-        levels = np.linspace(-limit, limit, 21)
-        filled = ax.contourf(x, y, departure, levels=levels, cmap="RdBu_r", extend="both")
+        both = departure.min() < 0
+        levels = np.linspace(-limit, limit, 21) if both else np.linspace(0, limit, 21)
+        filled = ax.contourf(
+            x, y, departure, levels=levels, cmap="RdBu_r" if both else "Reds", extend="both" if both else "max"
+        )
         ax.contour(x, y, departure, levels=[0.0], colors="black", linewidths=0.7)
         ax.plot(PAPER_POINT[PRIMARY], PAPER_POINT[SECONDARY], "x", color="black", markersize=6, markeredgewidth=1.5)
         ax.set(xlabel=_joint_label(PRIMARY), ylabel=_joint_label(SECONDARY))
