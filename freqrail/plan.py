@@ -21,6 +21,7 @@ from freqrail.track import Band, band_limits
 
 PSD_POINTS = 400
 PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
+KEPT_A_SECOND = 50e6  # bytes of a result that are hashed, written twice and read back in a second (docs/scaling.md)
 COPIES = 3  # how many times a result stands in memory at most, while it is labelled
 
 
@@ -78,8 +79,8 @@ class Plan:
         return values + 6_000 * len(self.names) + 2 * len(self.case.text) + 50_000  # what HDF5 and attributes take
 
     def seconds(self, jobs: int) -> float:
-        """Estimated wall time of the sweep in s, from timing a first block of each model."""
-        return sum(grid.seconds(study, jobs) for study in self.studies.values())
+        """Estimated wall time of the sweep into a file in s, from timing a first block of each model."""
+        return sum(grid.seconds(study, jobs) for study in self.studies.values()) + self.stored_bytes / KEPT_A_SECOND
 
 
 def check_memory(plan: Plan) -> None:

@@ -179,6 +179,8 @@ def _create(raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int
     while math.prod(chunk) * variable.dtype.itemsize > CHUNK:
         longest = next(axis for axis, size in enumerate(chunk) if size > 1)
         chunk[longest] = -(-chunk[longest] // 2)
+    # as many chunks, evenly cut: what of the last one sticks out takes room in the file
+    chunk = [-(-size // -(-size // step)) for size, step in zip(variable.shape, chunk, strict=True)]
     created = raw.createVariable(
         name,
         variable.dtype,
