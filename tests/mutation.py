@@ -182,7 +182,7 @@ def main() -> int:
             count += 1
             if survives(module, changed, tests):
                 alive += 1
-                new = (what, text) not in known
+                new = not {what, "any"} & known.get(text, set())
                 unexpected += new
                 print(f"{module}:{line}: {what}: {text}{'' if new else '  (explained)'}", flush=True)
         print(f"{module}: {count} mutants, {alive} survive; {time.perf_counter() - start:.0f} s", flush=True)
@@ -194,10 +194,13 @@ def former(output: str) -> set[tuple[str, str]]:
     return set(re.findall(r"^\w+:\d+: (.+?)(?:, no\. \d+)?: (.+?)(?:  \(explained\))?$", output, re.MULTILINE))
 
 
-def explained(module: str) -> set[tuple[str, str]]:
-    """(change, line of source) of the survivors that mutation.md explains: `- MODULE: CHANGE: `SOURCE`: why`."""
+def explained(module: str) -> dict[str, set[str]]:
+    """Changes by line of source that mutation.md explains: `- MODULE: CHANGE | CHANGE: `SOURCE`: why`, or "any"."""
     text = (Path(__file__).parent / "mutation.md").read_text(encoding="utf-8")
-    return set(re.findall(rf"^- {module}: (.+?): `(.+?)`", text, re.MULTILINE))
+    known: dict[str, set[str]] = {}
+    for listed, source in re.findall(rf"^- {module}: (.+?): `(.+?)`", text, re.MULTILINE):
+        known.setdefault(source, set()).update(listed.split(" | "))
+    return known
 
 
 if __name__ == "__main__":
