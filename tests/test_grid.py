@@ -445,6 +445,25 @@ def test_responses_do_not_care_for_a_chain_that_they_are_no_part_of(paper_vehicl
     assert_without_result(with_pitch, np.array([[True], [False]]), "undamped")
 
 
+def test_one_number_that_the_closed_form_doubts_is_tried_by_quadrature(paper_vehicle, monkeypatch):
+    closed = residues.mean_squares
+
+    def doubtful(*given):
+        squares = closed(*given)
+        squares["primary_stroke"].error[1, 0, 2] = squares["primary_stroke"].value[1, 0, 2]
+        return squares
+
+    many = replace(paper_vehicle, bogie_mass=np.array([600.0, 700.0]))
+    good = solve(many, [30.0, 60.0, 80.0], None)
+    monkeypatch.setattr(residues, "mean_squares", doubtful)
+    mended = solve(many, [30.0, 60.0, 80.0], None)
+    assert_ok(mended)
+    assert mended.method[0, 2] == grid.METHOD.index("own_quadrature")
+    assert np.all(mended.method[1] == grid.METHOD.index("closed_form"))
+    for name in PAPER_NAMES:
+        np.testing.assert_allclose(mended.rms[name], good.rms[name], rtol=1e-8)
+
+
 def test_each_response_takes_the_better_of_closed_form_and_quadrature(paper_vehicle, monkeypatch):
     """Where either is good for one response and not for the other, both have numbers."""
     names = ("bogie_acceleration", "primary_stroke")
@@ -495,20 +514,15 @@ def test_the_time_of_a_sweep_is_that_of_its_first_block_times_the_blocks(paper_v
 @pytest.mark.parametrize(("value", "error", "status"), [(1.0, 1e-3, "unresolved_peak"), (np.nan, np.nan, "failed")])
 def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle, monkeypatch, value, error, status):
     """One of eleven numbers at one speed that cannot be promised takes the point's other ten with it."""
-    names, closed = ("bogie_acceleration", "primary_stroke"), residues.mean_squares
+    names, closed, own = ("bogie_acceleration", "primary_stroke"), residues.mean_squares, grid._own_quadrature
 
-    def doubtful(*given):
-        squares = closed(*given)
-        for part, number in (("value", value), ("error", error)):
-            getattr(squares["primary_stroke"], part)[2, ..., 1] *= 0
-            getattr(squares["primary_stroke"], part)[2, ..., 1] += number
+    def spoiled(squares, at):
+        squares["primary_stroke"].value[at] *= value
+        squares["primary_stroke"].error[at] = error
         return squares
 
-    def lost(study, index):
-        return {k: rms.MeanSquare(*np.full((2, len(SERIES[k].positions), study.speed.size), np.nan)) for k in names}
-
-    monkeypatch.setattr(residues, "mean_squares", doubtful)
-    monkeypatch.setattr(grid, "_own_quadrature", lost)
+    monkeypatch.setattr(residues, "mean_squares", lambda *given: spoiled(closed(*given), (2, ..., 1)))
+    monkeypatch.setattr(grid, "_own_quadrature", lambda *given: spoiled(own(*given), (2,)))
     many = replace(paper_vehicle, bogie_mass=np.array([500.0, 600.0]))
     solution = solve(many, [30.0, 60.0, 80.0], None, names)
     assert_without_result(solution, np.array([[False, True, False]] * 2), status)
