@@ -19,6 +19,7 @@ from freqrail.case import Case, load_case
 from freqrail.errors import InputError
 from freqrail.journal import Journal
 from freqrail.plan import Plan, check_memory, warn_of_rigid_rail
+from freqrail.quantities import given
 from freqrail.version import __version__
 
 Progress = Callable[[int], object]
@@ -51,6 +52,8 @@ def sweep(
     Raises InputError for a bad case, axis, setting or response name. The RMS is the root of the integral
     over the band of |sum_i H_i e^{-i omega tau_i}|^2 S_v(omega/v)/v (eqs. 2 to 7 and 11).
     """
+    if jobs is not None and (type(jobs) is not int or jobs < 1):
+        raise InputError(f"jobs: must be a whole number, at least 1 {given(jobs)}")
     if not isinstance(case, Case):
         case = load_case(case, settings, over)
     elif over or settings:

@@ -37,6 +37,8 @@ def shipped_cases() -> dict[str, str]:
 
 def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
     """(stem, name for messages, text) of a case file or a shipped case."""
+    if not isinstance(case, str | os.PathLike):
+        raise InputError(f"a case file's path or a shipped case's name is due {given(case)}")
     path = Path(case)
     wanted = str(case)
     try:

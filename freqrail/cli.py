@@ -18,7 +18,7 @@ from typing import Any
 import click
 
 from freqrail.errors import InputError, NumericalError
-from freqrail.terminal import count, guarded, program, progress, report, size
+from freqrail.terminal import count, guarded, program, progress, report
 from freqrail.version import __version__
 
 PLOT_FORMATS = ("png", "svg", "pdf")
@@ -115,6 +115,7 @@ def sweep(
     from freqrail.grid import processors
     from freqrail.journal import journal_path
     from freqrail.plan import Plan, band_text
+    from freqrail.quantities import shown_bytes
     from freqrail.storage import check_target
     from freqrail.summary import number
 
@@ -128,8 +129,8 @@ def sweep(
         executor = local(jobs)
     loaded = load_case(case, settings_by_name, over_by_name)
     plan = Plan.of(loaded, responses, psd)
-    target = Path(output or Path("results", f"{loaded.name}.nc"))
-    check_target(target, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
+    wanted = Path("results", f"{loaded.name}.nc") if output is None else output
+    target = check_target(wanted, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
     if dry_run:
@@ -140,7 +141,7 @@ def sweep(
             facts,
             as_json,
             f"{count(plan.points, 'grid point')} ({grid}), both models",
-            f"{target}: {size(plan.stored_bytes)}, about {number(seconds, 2)} s on {count(jobs, 'thread')}",
+            f"{target}: {shown_bytes(plan.stored_bytes)}, about {number(seconds, 2)} s on {count(jobs, 'thread')}",
             "dry run: nothing computed, nothing written",
             *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
         )
@@ -159,7 +160,7 @@ def sweep(
         raise
     elapsed = time.perf_counter() - start
     failures = list(outcome.failures)
-    next_step = "plot" if plan.points > 1 else "show"
+    next_step = "show" if plan.points == 1 or math.isnan(outcome.largest_error) else "plot"
     error = outcome.largest_error
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
     taken_over = f", {count(outcome.resumed, 'block')} taken over" if resume else ""
@@ -172,7 +173,7 @@ def sweep(
         f"{count(plan.points, 'grid point')} ({grid}), {count(len(plan.names), 'response')}, "
         "with joints and traditional",
         f"band {band_text(loaded.band)}; {accuracy}",
-        f"written: {target} ({size(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
+        f"written: {target} ({shown_bytes(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
         f"next: {program()} {next_step} {shlex.quote(str(target))}",
     )
     if failures:
@@ -223,12 +224,13 @@ def confirm(
     """Simulate grid points of a result in time and say whether its numbers stand."""
     from freqrail.confirmation import carry_out, check_cost, plan_run
     from freqrail.evidence import problems
+    from freqrail.quantities import shown_bytes
     from freqrail.storage import check_target, write_result
     from freqrail.summary import confirmation_text, number
 
     run = plan_run(result, at or None, seed, realisations, duration, integrator, start, band)
-    target = Path(output or Path(result).with_name(f"{Path(result).stem}-confirmation.nc"))
-    check_target(target, overwrite, (result,), run.stored_bytes)
+    wanted = Path(result).with_name(f"{Path(result).stem}-confirmation.nc") if output is None else output
+    target = check_target(wanted, overwrite, (result,), run.stored_bytes)
     needed = check_cost(run, max_time, jobs)
     click.echo(
         f"freqrail: {count(len(run.points), 'point')}, {number(run.simulated_seconds, 3)} simulated seconds with "
@@ -247,7 +249,7 @@ def confirm(
         facts,
         as_json,
         *lines,
-        f"written: {target} ({size(target.stat().st_size)}, simulated in {number(elapsed, 2)} s)",
+        f"written: {target} ({shown_bytes(target.stat().st_size)}, simulated in {number(elapsed, 2)} s)",
         f"next: {program()} plot {shlex.quote(str(target))}",
     )
     if faults:
@@ -348,6 +350,7 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
     from freqrail import summary
     from freqrail.evidence import is_confirmation
+    from freqrail.points import example_point
     from freqrail.storage import open_result
     from freqrail.untrusted import check_result
 
@@ -362,13 +365,12 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, *lines)
         return
     if point is not None:
-        where, records = summary.result_point(dataset, point)
-        columns = [column for column in records[0] if column != "variable"]
-        report({"point": where, "numbers": records}, as_json, where, summary.table(records, columns))
+        facts, lines = summary.result_point(dataset, point)
+        report(facts, as_json, *lines)
         return
     parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
     tables = [summary.table(records) for records in parts.values() if records]
-    hint = f'one grid point: {program()} show {what} --at "speed=250 km/h"'
+    hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
     report(
         {"title": dataset.attrs.get("title", ""), **parts},
         as_json,
@@ -403,6 +405,8 @@ def cases(name: str | None, as_json: bool) -> None:
     if name is None:
         titles = {key: build_case(text).title for key, text in shipped.items()}
         report(titles, as_json, *(f"{key}  {title}" for key, title in titles.items()))
+    elif name in shipped and as_json:
+        report({"name": name, "text": shipped[name]}, as_json)
     elif name in shipped:
         click.echo(shipped[name], nl=False)
     else:

@@ -29,6 +29,7 @@ _DEEPEST = 1e-8  # of its top, where a PSD axis ends
 _COLOURS = {"joint": "#0072B2", "traditional": "black"}
 _WORDS = {"joint": "model with damper joints", "traditional": "traditional model, rigid damper joints"}
 _FAULT = "#D55E00"
+_SMALLEST = 1e-14  # solver errors below this are rounding, and drawn there
 _WHERE = {"car_position": "over the front pivot", "bogie": "front bogie", "axle": "axle 1"}
 _WHEELS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 _OFFSET = {"joint": -0.18, "traditional": 0.18}  # of a row, so that the models' bars do not cover each other
@@ -165,12 +166,13 @@ def _solver_errors(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
         ax.set_xscale("log")
         for m, model in enumerate(dataset["model"].values):
             y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
-            errors = dataset["solver_error"].values[place, m]
+            errors = np.maximum(dataset["solver_error"].values[place, m], _SMALLEST)
             outside = dataset["verdict_solver"].values[place, m] != 0
             ax.plot(errors[~outside], y[~outside], "o", color=_COLOURS[model], markersize=3.5)
             ax.plot(errors[outside], y[outside], "X", color=_FAULT, markersize=5)
             ax.axvline(tolerance[m], color=_COLOURS[model], linewidth=0.9, linestyle=("-", (0, (4, 4)))[m])
-        ax.set_xlim(right=max(ax.get_xlim()[1], 3 * tolerance.max()))
+        least = np.nanmin(errors, initial=1.0) / 2
+        ax.set_xlim(min(ax.get_xlim()[0], least), max(ax.get_xlim()[1], 3 * tolerance.max()))
         ax.xaxis.set_major_locator(LogLocator(numticks=5))
         ax.xaxis.set_minor_locator(NullLocator())
         ax.set_xlabel("relative error of the RMS")

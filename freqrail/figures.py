@@ -28,11 +28,13 @@ from numpy.typing import NDArray
 
 from freqrail import confirmation_figures
 from freqrail.case import Case
+from freqrail.casefile import shipped_cases
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.evidence import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
 from freqrail.points import Point, axis_label, confirmed_point, locate, result_case, swept
+from freqrail.storage import open_result
 
 FORMATS = ("png", "svg", "pdf")
 
@@ -72,7 +74,7 @@ STYLE = {
 
 
 def plot(
-    dataset: xr.Dataset,
+    dataset: xr.Dataset | str | os.PathLike[str],
     folder: str | os.PathLike[str],
     format: str = "png",
     at: Point | None = None,
@@ -80,9 +82,9 @@ def plot(
 ) -> list[Path]:
     """Draw every figure that a sweep's result allows into `folder`; returns the files' paths.
 
-    dataset: a result of `sweep` or `confirm`. folder: made if it is missing, but not its parents. format: "png"
-    (200 dpi), "svg" or "pdf". at: the point (see `points.parse_point`) at which a figure holds the
-    parameters that it does not draw; a name left out takes the case's scalar, or the grid's nearest value.
+    dataset: a result of `sweep` or `confirm`, or the path of its file. folder: made if it is missing, but not its
+    parents. format: "png" (200 dpi), "svg" or "pdf". at: the point (see `points.parse_point`) at which a figure holds
+    the parameters that it does not draw; a name left out takes the case's scalar, or the grid's nearest value.
     progress: called with the number of figures just drawn.
 
     Figures are `rms-against-speed`, or one `rms-against-speed-AXIS` a further axis; `rms-against-AXIS`
@@ -95,6 +97,8 @@ def plot(
     """
     if format not in FORMATS:
         raise InputError(f"--format: must be one of {', '.join(FORMATS)} (got {format!r})")
+    if not isinstance(dataset, xr.Dataset):
+        dataset = open_result(dataset)
     drawings = _all_drawings(dataset, at)
     if not drawings:
         raise InputError(
@@ -132,7 +136,8 @@ def hint(dataset: xr.Dataset) -> str | None:
     if _stored(dataset, "_psd") or is_confirmation(dataset):
         return None
     name = str(dataset.attrs["case_name"])
-    command = f"freqrail sweep {shlex.quote(name)} --psd -o {shlex.quote(f'{name}-psd.nc')}"
+    case = name if name in shipped_cases() else f"{name}.toml"
+    command = f"freqrail sweep {shlex.quote(case)} --psd -o {shlex.quote(f'{name}-psd.nc')}"
     return f"no spectra stored; to plot them: {command} (with the --set and --over of this result)"
 
 

@@ -8,11 +8,13 @@ the modes come out named, and repeated frequencies do not mix their shapes.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.case import Case, load_case
 from freqrail.errors import InputError
 from freqrail.residues import modal
 from freqrail.vehicle import CHAINS, System, Vehicle, chain_system, state_space
@@ -56,14 +58,18 @@ class Mode:
         return float(-1 / self.pole.real) if self.pole.real < 0 else np.inf
 
 
-def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
+def modes(vehicle: Vehicle | Case | str | os.PathLike[str]) -> tuple[Mode, ...]:
     """All modes of a single vehicle, oscillations first, by natural frequency.
+
+    vehicle: numbers without arrays, or a case (a `Case`, a file's path or a shipped case's name): its scalars.
 
     Oscillations are named after the body that holds most of the kinetic energy; what decays without
     oscillating is named after the damper joint or body that it moves most. Raises InputError if the numbers
     overflow. A 26-state vehicle has ten
     modes and six joint relaxations, less where a mode is overdamped. Source: eigenvalues of eq. (10).
     """
+    if not isinstance(vehicle, Vehicle):
+        vehicle = (vehicle if isinstance(vehicle, Case) else load_case(vehicle)).vehicle
     found: list[Mode] = []
     for chain in CHAINS:
         part = _chain_modes(vehicle, chain)

@@ -67,7 +67,17 @@ def grid_axis(dataset: xr.Dataset, name: str) -> Axis:
 def axis_label(dataset: xr.Dataset, name: str, index: int) -> str:
     """A grid value in the coordinate's unit, such as "250 km/h"; "rigid" for an infinite joint stiffness."""
     value = float(dataset[name].values[index])
-    return "rigid" if np.isinf(value) else f"{value:g} {_unit(dataset, name)}"
+    whole = abs(value) < 1e7 and value == round(value)
+    return "rigid" if np.isinf(value) else f"{value:{'.0f' if whole else 'g'}} {_unit(dataset, name)}"
+
+
+def example_point(dataset: xr.Dataset) -> str:
+    """A grid point as `parse_point` reads it: the one nearest to the case's scalars, every axis named."""
+    parts = []
+    for name, index in locate(dataset, nearest=True).items():
+        value = float(dataset[name].values[index])
+        parts.append(f"{name}={'inf' if np.isinf(value) else f'{value:.10g}'} {_unit(dataset, name)}")
+    return ", ".join(parts)
 
 
 def _unit(dataset: xr.Dataset, name: str) -> str:

@@ -205,6 +205,14 @@ def parse_quantity(parameter: Parameter, text: object) -> Quantity:
     return Quantity(value, text.strip())
 
 
+PAIRS = {
+    "frequency": '["0.1 Hz", "100 Hz"] or "0.1:100 Hz"',
+    "wavelength": '["1 m", "200 m"] or "1:200 m"',
+    "cutoffs": '["0.0206 rad/m", "0.8246 rad/m"]',
+}
+"""Examples of the quantities that come in pairs."""
+
+
 def parse_pair(parameter: Parameter, value: object) -> tuple[Quantity, Quantity]:
     """Two quantities, ["0.1 Hz", "100 Hz"] or, as on a command line, "0.1:100 Hz" or "0.1 Hz, 100 Hz"."""
     parts: list[object] = value if isinstance(value, list) else [value]
@@ -215,7 +223,8 @@ def parse_pair(parameter: Parameter, value: object) -> tuple[Quantity, Quantity]
             sides[0] = f"{sides[0]} {split_number(sides[1], parameter.example, given(value))[1]}"
         parts = [*sides]
     if len(parts) != 2:
-        raise ValueError(f'two quantities are due, such as ["{parameter.example}", "..."] {given(value)}')
+        example = PAIRS.get(parameter.name, f'["{parameter.example}", "{parameter.example}"]')
+        raise ValueError(f"two quantities are due, as in {example} {given(value)}")
     first, second = (parse_quantity(parameter, part) for part in parts)
     return first, second
 
@@ -379,3 +388,12 @@ def shown_value(name: str, value: float) -> str:
     if math.isinf(value):
         return "inf"
     return f"{value / float(unit_factor(unit)[0]):.10g} {unit}"
+
+
+def shown_bytes(number: float) -> str:
+    """A number of bytes, as people read it."""
+    for unit in ("B", "kB", "MB"):
+        if number < 1000:
+            return f"{number:.3g} {unit}"
+        number /= 1000
+    return f"{number:.3g} GB"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,10 +13,10 @@ import xarray as xr
 
 from freqrail import timedomain
 from freqrail.case import Case
-from freqrail.errors import InputError, NumericalError
+from freqrail.errors import FreqrailWarning, InputError, NumericalError
 from freqrail.integrators import INTEGRATORS
 from freqrail.names import PARAMETERS, Parameter, suggestion
-from freqrail.points import Point, axis_label, grid_axis, locate, parse_point, result_case
+from freqrail.points import Point, axis_label, example_point, grid_axis, locate, parse_point, result_case
 from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
 from freqrail.storage import open_result
@@ -178,7 +179,10 @@ def _band(text: str, problems: list[str]) -> Band:
 
 
 def _indices(dataset: xr.Dataset, case: Case, at: Points | None) -> list[dict[str, int]]:
-    """Where the points lie on the grid. Raises InputError for one that is off it or given twice."""
+    """Where the points lie on the grid. Raises InputError for one that is off it or given twice.
+
+    Of the case's own points those on the grid will do, for `--over` may have narrowed it; the others are warned of.
+    """
     named: list[tuple[str, Point | None]] = []
     if at is not None:
         given_points = [at] if isinstance(at, str | Mapping) else list(at)
@@ -198,8 +202,12 @@ def _indices(dataset: xr.Dataset, case: Case, at: Points | None) -> list[dict[st
         if index in indices:
             problems.append(f"{origin} the same grid point as point {indices.index(index) + 1}; give each once")
         indices.append(index)
-    if problems:
-        raise InputError(*problems)
+    if problems and at is None and indices:
+        for problem in problems:
+            warnings.warn(f"{problem}: left out", FreqrailWarning, stacklevel=3)
+    elif problems:
+        way_out = f'no point of the case is on the grid; name one, as in --at "{example_point(dataset)}"'
+        raise InputError(*problems, *([way_out] if at is None else []))
     return indices
 
 

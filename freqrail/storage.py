@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest
 from freqrail.errors import FileError, InputError
-from freqrail.quantities import given
+from freqrail.quantities import given, shown_bytes
 from freqrail.schema import faults
 
 _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
@@ -48,6 +48,8 @@ def check_target(
     the `inputs`, also through a link, or larger than the disk's free space; FileError (exit 4) if its folder is
     missing or cannot be written.
     """
+    if not str(path):
+        raise InputError("-o: the name is empty; name a file, such as result.nc")
     target = Path(path)
     for source in inputs:
         if target.exists() and os.path.exists(source) and os.path.samefile(target, source):
@@ -69,8 +71,8 @@ def check_target(
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
-            f"{target}: the grid is too large for this disk: {needed / 1e9:.3g} GB needed, {free / 1e9:.3g} GB free; "
-            "use fewer values or responses, or leave out --psd"
+            f"{target}: the result is too large for this disk: {shown_bytes(needed)} needed, {shown_bytes(free)} free; "
+            "use fewer values, responses or records, or leave out spectra"
         )
     return target
 
@@ -267,9 +269,10 @@ def opened(path: str | os.PathLike[str], result: bool = True) -> Iterator[xr.Dat
 
 def _check_head(raw: netCDF4.Dataset, source: Path) -> None:
     """Refuse what is no result of freqrail, or claims more than it holds, before anything of it is loaded."""
-    version = getattr(raw, "dataset_schema_version", None)
-    if version is None or "content_digest" not in raw.ncattrs():
-        raise InputError(f"{source}: is not a result of freqrail (no dataset_schema_version)")
+    for attribute in ("dataset_schema_version", "content_digest"):
+        if attribute not in raw.ncattrs():
+            raise InputError(f"{source}: is not a result of freqrail (no {attribute})")
+    version = raw.dataset_schema_version
     if not isinstance(version, np.integer):
         raise InputError(f"{source}: has no schema number {given(version)}")
     if version > SCHEMA_VERSION:

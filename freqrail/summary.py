@@ -209,16 +209,20 @@ def result_axes(dataset: xr.Dataset) -> list[Record]:
     ]
 
 
-def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[str, list[Record]]:
-    """One grid point in words, with why it has no result if so, and its numbers: RMS with and without joints
-    at every position."""
+def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
+    """One grid point as facts to print as JSON and as lines of text.
+
+    Where it is, why it has no result if so, and RMS with and without joints at every position.
+    """
     indices = locate(dataset, point)
-    where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
+    facts: Record = {"point": {name: axis_label(dataset, name, i) for name, i in indices.items()}}
+    lines = [", ".join(f"{name} = {label}" for name, label in facts["point"].items())]
     for prefix, words in MODELS.items():
         flags = dataset[f"{prefix}status"]
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
+        facts[f"{prefix}status"] = str(flags.attrs["flag_meanings"]).split()[status]
         if status:
-            where += f"\n{words}: no result, status {str(flags.attrs['flag_meanings']).split()[status]}"
+            lines.append(f"{words}: no result, status {facts[f'{prefix}status']}")
     records: list[Record] = []
     for name, response in RESPONSES.items():
         if f"{name}_rms" not in dataset:
@@ -241,7 +245,8 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[str, list[Re
                     "relative_error": error,
                 }
             )
-    return where, records
+    columns = [column for column in records[0] if column != "variable"]
+    return facts | {"numbers": records}, [*lines, table(records, columns)]
 
 
 def result_head(dataset: xr.Dataset) -> str:

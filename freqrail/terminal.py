@@ -24,26 +24,19 @@ def report(facts: dict[str, Any], as_json: bool, *lines: str) -> None:
 
 
 def _jsonable(value: Any) -> Any:
-    """The same with inf and nan as text, which JSON has no numbers for."""
+    """The same with null for nan and text for inf, which JSON has no numbers for."""
     if isinstance(value, dict):
         return {key: _jsonable(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_jsonable(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    return value
 
 
 def count(number: int, what: str) -> str:
     """A number of things, in the plural but for one."""
     return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def size(number: float) -> str:
-    """A number of bytes, as people read it."""
-    for unit in ("B", "kB", "MB"):
-        if number < 1000:
-            return f"{number:.3g} {unit}"
-        number /= 1000
-    return f"{number:.3g} GB"
 
 
 def program() -> str:

@@ -191,6 +191,7 @@ USAGE = {
     "unknown name in --at": (["show", "intact.nc", "--at", "sped=1 km/h"], "unknown name (did you mean speed?)"),
     "off the grid in --at": (["show", "intact.nc", "--at", "speed=240 km/h"], "the nearest value is 250 km/h"),
     "plot format": (["plot", "none.nc", "--format", "gif"], "'gif' is not one of 'png', 'svg', 'pdf'"),
+    "no output name": ([*SWEEP, "-o", ""], "-o: the name is empty"),
     "output without .nc": ([*SWEEP, "-o", "out"], 'the name of a NetCDF file ends in ".nc"; did you mean out.nc?'),
     "output of another kind": ([*SWEEP, "-o", "out.png"], "did you mean out.png.nc?"),
     "output a folder": ([*SWEEP, "-o", "."], "is a folder; name a file in it"),
@@ -202,7 +203,7 @@ USAGE = {
     "an axis above 1e7": ([*SWEEP, "--over", "speed=lin:1:600:10000001 km/h"], "10000001 values exceeds the limit"),
     "a grid above the memory or the disk": (
         [*SWEEP, "--psd", *over(speed="lin:1:600:5000 km/h", primary_joint_stiffness="lin:1:9:5000 MN/m")],
-        "the grid is too large for this disk",
+        "the result is too large for this disk",
     ),
     "--set of a swept name": ([*SWEEP, "--set", "speed=9 km/h"], 'give it one value with --over "speed=9 km/h"'),
     "--set twice": ([*SWEEP, "--set", "bogie_mass=1 t", "--set", "bogie_mass=2 t"], "given twice; give it once"),

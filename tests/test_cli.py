@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 import xarray as xr
 
 import freqrail
+from freqrail.case import build_case
 from freqrail.cli import run
 
 ROOT = Path(__file__).parent.parent
@@ -212,3 +214,49 @@ def test_numbers_beyond_all_measure_are_failed_points_and_no_traceback(here):
         done = command("sweep", "yu-damper-joint", *change, *rest, *SMALL[2:], "-o", f"{k}.nc", cwd=here)
         assert done.returncode == 3, done.stderr
         assert "Traceback" not in done.stderr
+
+
+def test_json_of_a_point_says_where_and_why(here, capsys):
+    """null, not text, where there is no number; the status in a word."""
+    over = {"primary_damping": "0, 17 kN*s/m", "speed": "250 km/h"}
+    over |= dict.fromkeys(("primary_joint_stiffness", "secondary_joint_stiffness"), "5 MN/m")
+    options = [part for name, axis in over.items() for part in ("--over", f"{name}={axis}")]
+    assert run(["sweep", "yu-damper-joint", *options, "-o", "u.nc"]) == 3
+    capsys.readouterr()
+    assert run(["show", "u.nc", "--at", "primary_damping=0 kN*s/m", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["point"]["primary_damping"] == "0 kN*s/m"
+    assert (facts["status"], facts["traditional_status"]) == ("undamped", "undamped")
+    assert {record["RMS"] for record in facts["numbers"]} == {None}
+    assert run(["show", "u.nc", "--at", "primary_damping=17 kN*s/m"]) == 0
+    assert "no result" not in capsys.readouterr().out
+
+
+def test_the_point_that_show_suggests_can_be_shown(here, capsys):
+    over = ["--over", "speed=100, 300 km/h", "--over", "primary_joint_stiffness=0.5, inf MN/m"]
+    assert run(["sweep", "yu-damper-joint", *over, "-o", "two grids.nc"]) == 0
+    capsys.readouterr()
+    assert run(["show", "two grids.nc"]) == 0
+    (hint,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("one grid point: "))
+    words = shlex.split(hint)
+    assert run(words[words.index("show") :]) == 0
+    assert "speed = 300 km/h" in capsys.readouterr().out
+
+
+def test_a_shipped_case_as_json(capsys):
+    assert run(["cases", "yu-damper-joint", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["name"] == "yu-damper-joint"
+    assert build_case(facts["text"]).title
+
+
+def test_functions_take_cases_and_files_as_the_commands_do(here):
+    case = freqrail.load_case("yu-damper-joint")
+    assert freqrail.modes("yu-damper-joint") == freqrail.modes(case) == freqrail.modes(case.vehicle)
+    result = freqrail.write_result(freqrail.sweep("yu-damper-joint", {"speed": "200, 250 km/h"}), "r.nc")
+    assert len(freqrail.plot(result, "figures")) == len(freqrail.plot(freqrail.open_result(result), "figures")) > 1
+    for jobs in (0, 1.5, True):
+        with pytest.raises(freqrail.FreqrailError, match="jobs: must be a whole number"):
+            freqrail.sweep("yu-damper-joint", jobs=jobs)
+    with pytest.raises(freqrail.FreqrailError, match="a case file's path or a shipped case's name is due"):
+        freqrail.load_case(5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -243,6 +244,18 @@ def test_a_run_that_fails_is_nan_with_a_verdict_and_its_reason(result, monkeypat
 
 
 # --- before the run --------------------------------------------------------------------------------
+
+
+def test_of_the_cases_points_those_on_a_narrowed_grid_will_do():
+    """The case names 100, 250 and 300 km/h."""
+    with pytest.warns(FreqrailWarning, match="is off the grid; the nearest value is 250 km/h: left out") as told:
+        run = plan_run(freqrail.sweep("yu-damper-joint", {"speed": "250, 260 km/h"}), **QUICK)
+    assert len(told) == 2
+    assert [point.speed for point in run.points] == [pytest.approx(250 / 3.6)]
+    with pytest.raises(InputError) as refused:
+        plan_run(freqrail.sweep("yu-damper-joint", {"speed": "260 km/h"}), **QUICK)
+    named = re.search(r'name one, as in --at "(.+)"$', refused.value.problems[-1])[1]
+    assert plan_run(freqrail.sweep("yu-damper-joint", {"speed": "260 km/h"}), at=named, **QUICK).points[0].speed > 72
 
 
 @pytest.mark.parametrize(

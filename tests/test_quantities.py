@@ -223,7 +223,7 @@ def test_pairs_in_all_their_forms(value):
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        ("100 Hz", 'two quantities are due, such as ["0.1 Hz", "..."] (got "100 Hz")'),
+        ("100 Hz", 'two quantities are due, as in ["0.1 Hz", "100 Hz"] or "0.1:100 Hz" (got "100 Hz")'),
         (["0.1 Hz"], "two quantities are due"),
         (["0.1 Hz", "1 Hz", "2 Hz"], "two quantities are due"),
         ("1:2:3 Hz", "two quantities are due"),
