@@ -293,6 +293,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 def replicate(quick: bool, output: str | None, as_json: bool) -> None:
     """Redo the paper's study and judge its claims: datasets, figures and a report."""
     from freqrail.replication import folder
+    from freqrail.replication.judging import plural
 
     start = time.perf_counter()
     with progress("replicate", folder.steps(quick)) as advance:
@@ -308,7 +309,7 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
     report(
         facts,
         as_json,
-        ", ".join(f"{count} {verdict}" for verdict, count in counts.items()),
+        ", ".join(f"{number} {plural(verdict, number)}" for verdict, number in counts.items()),
         *([folder.LEFT_OUT] if quick else []),
         f"written: {done.folder} (report.html, report.md, figures, datasets)",
     )

@@ -297,6 +297,11 @@ def _change(s: Scan, verb: str) -> str:
 # --- words -----------------------------------------------------------------------------------------
 
 
+def plural(verdict: str, count: int) -> str:
+    """A verdict as a verb of so many claims: "30 hold", "1 holds"."""
+    return verdict if count == 1 else {HOLDS: "hold", PARTLY: "hold partly", FAILS: "do not hold"}[verdict]
+
+
 def percent(value: float, signed: bool = True) -> str:
     """A ratio in per cent, two significant digits below ten."""
     number = 100 * value

@@ -45,6 +45,7 @@ from freqrail.replication.judging import (
     extreme,
     high,
     low,
+    plural,
     whole,
 )
 from freqrail.replication.procedures import DURATION
@@ -92,7 +93,7 @@ def _opening(
     grid = datasets["grid"]
     points = grid["status"].size
     counts = ", ".join(
-        f"**{len(by_verdict[verdict])} {_plural(verdict, len(by_verdict[verdict]))}**" for verdict in VERDICTS
+        f"**{len(by_verdict[verdict])} {plural(verdict, len(by_verdict[verdict]))}**" for verdict in VERDICTS
     )
     blocks: list[Block] = [
         Paragraph(
@@ -105,11 +106,6 @@ def _opening(
     if left_out:
         blocks.append(Paragraph(f"**{left_out}**"))
     return blocks
-
-
-def _plural(verdict: str, count: int) -> str:
-    words = {HOLDS: "hold", PARTLY: "hold partly", FAILS: "do not hold"}
-    return verdict if count == 1 else words[verdict]
 
 
 # --- the claims ------------------------------------------------------------------------------------
