@@ -304,14 +304,16 @@ def _sum_of_residues(
     distances = _lag_distances(vehicle)
     columns = {name: _columns(SERIES[name]) for name in names}
     terms: dict[tuple[str, int], list[tuple[NDArray, NDArray]]] = {(k, c): [] for k in names for c in columns[k]}
+    doubts = _doubts(vehicle, chains, {SERIES[name].quantity for name in names})
     for x in chains:
         rows = [(name, c) for name, c in terms if any(x == first for first, _, _ in PRODUCTS[c])]
-        for row, term in zip(rows, _chain_terms(vehicle, chains, x, rows, distances, spectrum, speed), strict=True):
+        found = _chain_terms(vehicle, chains, doubts, x, rows, distances, spectrum, speed)
+        for row, term in zip(rows, found, strict=True):
             terms[row].append(term)
     for track in _track_poles(vehicle, tuple(chains), distances, spectrum, speed):
-        for (name, c), found in terms.items():
+        for (name, c), parts in terms.items():
             extra = track.term(SERIES[name], c)
-            found.append((extra, LOSS * np.abs(extra)))
+            parts.append((extra, LOSS * np.abs(extra)))
     shape = (*vehicle.shape, speed.shape[-1])
     result = {}
     for name in names:
@@ -334,9 +336,30 @@ def _columns(series: Series) -> list[int]:
     return [c for c, terms in enumerate(PRODUCTS) if all({x, y} <= set(series.chains) for x, y, _ in terms)]
 
 
+def _doubts(
+    vehicle: Vehicle, chains: dict[str, Modal], quantities: set[str]
+) -> dict[tuple[str, str], NDArray[np.float64]]:
+    """Possible errors of the residues of (chain, element) at its well damped upper poles, [grid..., k], 0 at others.
+
+    The partial fractions at -p are held against the chain read directly there, where the way down adds positive terms
+    only: a wrong residue r of p shows in them as r/(2 p).
+    """
+    result = {}
+    for name, chain in chains.items():
+        p = chain.take(chain.poles)
+        near = -1.0 / (p[..., :, None] + chain.poles[..., None, :])
+        direct = _mirrored(vehicle, name, p)
+        damped = np.abs(p.real) > LIGHT * np.abs(p)
+        for quantity in quantities & chain.residues.keys():
+            fractions = np.sum(near * chain.residues[quantity][..., None, :], axis=-1)
+            result[name, quantity] = SAFETY * 2 * np.abs(p * (fractions - direct[quantity])) * damped
+    return result
+
+
 def _chain_terms(
     vehicle: Vehicle,
     chains: dict[str, Modal],
+    doubts: dict[tuple[str, str], NDArray[np.float64]],
     x: str,
     rows: list[tuple[str, int]],
     distances: NDArray,
@@ -349,8 +372,7 @@ def _chain_terms(
 
     Y(-p) is read off the chain directly where the pole p is well damped: there the way down adds positive terms
     only. Of a lightly damped pole it comes from partial fractions, which near the mirror image of another pole see
-    the true distance and no difference of large numbers. Where both are known their difference doubts the residue:
-    a wrong residue r of p shows in the partial fractions at -p as r/(2 p).
+    the true distance and no difference of large numbers, but are as wrong as the residues in them (`doubts`).
     """
     chain = chains[x]
     p = chain.take(chain.poles)
@@ -358,19 +380,21 @@ def _chain_terms(
     direct = {y: _mirrored(vehicle, y, p) for y in chains}
     damped = np.abs(p.real) > LIGHT * np.abs(p)
     loss = _loss(chains)[..., None]
-    heads, doubts = {}, {}
+    reach = {y: _reach(p, other) for y, other in chains.items()}
+    heads, uncertainties = {}, {}
     for name in dict.fromkeys(name for name, _ in rows):
         series = SERIES[name]
         quantity, scale = series.quantity, chain.weight * p ** (2 * series.derivative)
         fractions = {y: np.sum(near[y] * chains[y].residues[quantity][..., None, :], axis=-1) for y in series.chains}
-        apart = SAFETY * 2 * np.abs(p * (fractions[x] - direct[x][quantity])) * damped
+        residue = chain.take(chain.residues[quantity])
         for y in series.chains:
             mirrored = np.where(damped, direct[y][quantity], fractions[y])
-            heads[name, y] = scale * chain.take(chain.residues[quantity]) * mirrored
-            doubts[name, y] = np.abs(scale * mirrored) * apart
+            heads[name, y] = scale * residue * mirrored
+            wrong = np.where(damped, 0.0, np.sum(reach[y] * doubts[y, quantity][..., None, :], axis=-1))
+            uncertainties[name, y] = np.abs(scale) * (np.abs(mirrored) * doubts[x, quantity] + np.abs(residue) * wrong)
     coefficients = [sum(f * heads[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     weight = np.stack(np.broadcast_arrays(*coefficients), axis=-2)
-    doubtful = [sum(abs(f) * doubts[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
+    doubtful = [sum(abs(f) * uncertainties[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*doubtful), axis=-2)
     lags = LAG_SUMS[[c for _, c in rows]]
     # As many terms as the chain has poles, the rest zero: how many of them stand for two differs from vehicle to
@@ -384,6 +408,13 @@ def _chain_terms(
     error = (uncertain * np.sum(np.abs(lags), axis=-1)[:, None]) @ density
     for row in range(len(rows)):
         yield value[..., row, :], error[..., row, :]
+
+
+def _reach(p: NDArray[np.complex128], other: Modal) -> NDArray[np.float64]:
+    """What an error of a residue of another chain's upper pole (and its conjugate) makes of partial fractions at -p:
+    at most this much a unit, [grid..., k, other's k]."""
+    q = other.take(other.poles)[..., None, :]
+    return other.weight[..., None, :] / np.hypot(p.real[..., None] + q.real, np.abs(p.imag[..., None]) - np.abs(q.imag))
 
 
 def _padded(values: NDArray, width: int, axis: int) -> NDArray:
