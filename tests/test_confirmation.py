@@ -250,6 +250,40 @@ def test_a_run_that_fails_is_nan_with_a_verdict_and_its_reason(result, monkeypat
     assert any("without a number" in line for line in told)
 
 
+# --- what it would have seen ------------------------------------------------------------------------
+
+
+def test_the_smallest_fault_seen_is_one_that_the_interval_just_leaves_out(confirmed):
+    """A number right but for that fault lies outside, one right but for nine tenths of it does not."""
+    for name in timedomain.PAPER:
+        part = findings.series_of(timedomain.PAPER)[name]
+        own = confirmed[f"{name}_rms_frequency_domain"].values
+        low, high = confirmed[f"{name}_rms_verdict_low"].values, confirmed[f"{name}_rms_verdict_high"].values
+        fault = confirmed.smallest_fault_seen.values[..., part]
+        assert np.all((own * (1 + 1.001 * fault) > high) & (own * (1 - 1.001 * fault) < low))
+        nearly = 0.999 * fault
+        assert np.all((own * (1 + nearly) <= high) | (own * (1 - nearly) >= low))
+        width = confirmed.half_width.values[..., part]
+        np.testing.assert_allclose(width, (high - low) / 2 / confirmed[f"{name}_rms_pooled"].values)
+
+
+def test_a_run_that_sees_nothing_below_ten_per_cent_says_so_and_what_would(result):
+    with pytest.warns(FreqrailWarning, match=r"1 records? of 30 s\) would have seen no fault below \d+ %") as told:
+        found = freqrail.confirm(result, AT[0], integrator="exponential", duration="30 s", realisations=1)
+    records, duration = re.search(r'--realisations (\d+) --duration "(\d+) s"', str(told[0].message)).groups()
+    least = min(row["simulation_percent"] for row in findings.power(found))
+    # four times the time simulated, half the width
+    enough = int(records) * int(duration) / 30 * (10 / least) ** 2
+    assert 1 <= enough < 2.1
+
+
+def test_the_power_is_told_for_each_response_and_check(confirmed):
+    rows = {row["response"]: row for row in findings.power(confirmed)}
+    assert len(rows) == 4
+    assert all(row["kernel_percent"] < 0.1 for row in rows.values())
+    assert 1 < rows["bogie frame vertical acceleration"]["simulation_percent"] < 20
+
+
 # --- before the run --------------------------------------------------------------------------------
 
 
@@ -411,9 +445,19 @@ def drawn(monkeypatch, tmp_path):
 
 def test_plot_draws_checks_once_and_histories_and_spectra_of_every_point(confirmed, drawn):
     kinds = ("track", "responses", "psd")
-    both = {"confirmation", "solver-error", *(f"{kind}-point-{n}" for kind in kinds for n in (1, 2))}
+    both = {
+        "confirmation",
+        "solver-error",
+        "kernel-difference",
+        *(f"{kind}-point-{n}" for kind in kinds for n in (1, 2)),
+    }
     assert set(drawn(confirmed)) == both
-    assert set(drawn(confirmed, "speed=300 km/h")) == {"confirmation", "solver-error", *(f"{k}-point-2" for k in kinds)}
+    assert set(drawn(confirmed, "speed=300 km/h")) == {
+        "confirmation",
+        "solver-error",
+        "kernel-difference",
+        *(f"{k}-point-2" for k in kinds),
+    }
 
 
 def test_what_is_drawn_is_what_the_dataset_holds(confirmed, drawn):
@@ -432,9 +476,9 @@ def test_what_is_drawn_is_what_the_dataset_holds(confirmed, drawn):
 def test_every_axis_names_its_unit(confirmed, drawn):
     for stem, figure in drawn(confirmed).items():
         for ax in figure.axes:
-            if stem != "solver-error":
+            if stem not in ("solver-error", "kernel-difference"):
                 assert "[" in ax.get_xlabel()
-            if not stem.startswith(("confirmation", "solver")):
+            if not stem.startswith(("confirmation", "solver", "kernel")):
                 assert "[" in ax.get_ylabel()
 
 
@@ -442,10 +486,13 @@ def test_a_number_outside_is_marked(confirmed, drawn):
     wrong = confirmed.copy(deep=True)
     wrong["verdict_statistical"][0, 0, 3] = 1
     wrong["verdict_solver"][1, 1, 5] = 1
+    wrong["verdict_kernel"][0, 0, 2] = 1
+    wrong["verdict_kernel"][1, 0, 2] = 3  # nothing to compare is not outside
     found = drawn(wrong)
-    for stem, place in (("confirmation", 0), ("solver-error", 1)):
-        marked = [line for line in found[stem].axes[place].get_lines() if line.get_marker() == "X"]
+    for stem, place in (("confirmation", 0), ("solver-error", 1), ("kernel-difference", 0)):
+        marked = [line for ax in found[stem].axes for line in ax.get_lines() if line.get_marker() == "X"]
         assert sum(line.get_xdata().size for line in marked) == 1
+        assert any(line.get_marker() == "X" and line.get_xdata().size for line in found[stem].axes[place].get_lines())
 
 
 def test_many_points_are_drawn_on_several_pages(confirmed):

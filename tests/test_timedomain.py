@@ -194,6 +194,30 @@ def test_a_model_that_runs_away_is_a_failure_with_a_reason_and_nan(point):
     assert (statistical[0] == verdicts.VERDICTS.index("failed")).all()
 
 
+# --- the images of the track's spline ---------------------------------------------------------------
+
+V = 250 / 3.6
+FALSE_ALARMS = [(0.1, 40.0), (0.1, 50.0), (V / 200, V / 2)]  # the last: wavelengths 2 to 200 m
+
+
+@pytest.mark.parametrize("limits", FALSE_ALARMS)
+def test_no_band_makes_a_right_number_fail_the_solver_check(point, limits):
+    plan = replace(SHORT, limits=limits, start="steady", realisations=1)
+    assert timedomain.examine(point, plan).solver_error.max() < 2e-6
+
+
+@pytest.mark.parametrize("limits", FALSE_ALARMS)
+def test_the_bound_of_the_images_is_above_what_they_do_and_ten_samples_a_period_would_not_do(
+    point, limits, monkeypatch
+):
+    monkeypatch.setattr(timedomain, "SAMPLES_A_PERIOD", (10,))
+    plan = replace(SHORT, limits=limits, start="steady", realisations=1)
+    side = timedomain.time_side(point)
+    bound = timedomain.image_bound(point, plan, side, timedomain.sampling_rate(point, plan, side))
+    found = timedomain.examine(point, plan).solver_error.max()
+    assert 1e-5 < found < 1.5 * bound  # a record's lines are not those that the bound is reckoned with
+
+
 # --- a usual run -----------------------------------------------------------------------------------
 
 
