@@ -394,7 +394,6 @@ def _method(datasets: Mapping[str, xr.Dataset]) -> list[Block]:
                 "a choice; the table gives what was chosen and how far another reader's choice may plausibly lie from "
                 "it. The column “stands while” gives for each claim the range of its thresholds, one at a time, "
                 "within which its verdict is the same; what is not named there changes nothing.",
-                KNIFE_EDGE,
                 f"Low and high speed as chosen: {_range(low(grid['speed']))} and {_range(high(grid['speed']))} km/h.",
                 f"Files: {', '.join(f'`{name}.nc`' for name in datasets)}; `freqrail replicate` makes all of this.",
             ]

@@ -134,6 +134,6 @@ def _inwards(value: float, up: bool) -> float:
     """`value` in `_DIGITS` significant digits, rounded up or down unless it is such a number but for rounding."""
     scale = 10.0 ** (_DIGITS - 1 - math.floor(math.log10(value))) if value > 0 else 1.0
     nearest = round(value * scale)
-    if abs(value * scale - nearest) < 1e-4:
+    if abs(value * scale - nearest) < 1e-9:
         return nearest / scale
     return (math.ceil if up else math.floor)(value * scale) / scale
