@@ -401,15 +401,21 @@ def _method(datasets: Mapping[str, xr.Dataset]) -> list[Block]:
         Table(
             ("threshold", "what it is", "chosen", "plausible"),
             [
-                [words, meaning, _threshold(getattr(CHOSEN, name)), " to ".join(map(_threshold, PLAUSIBLE[name]))]
+                [
+                    words,
+                    meaning,
+                    _threshold(name, getattr(CHOSEN, name)),
+                    " to ".join(_threshold(name, end) for end in PLAUSIBLE[name]),
+                ]
                 for name, (words, meaning) in MEANING.items()
             ],
         ),
     ]
 
 
-def _threshold(value: float) -> str:
-    return f"{100 * value:.3g} %"
+def _threshold(name: str, value: float) -> str:
+    """A threshold as the claims' table writes it: one on normalised curves is a plain number."""
+    return f"{value:.3g}" if name == "alike" else f"{100 * value:.3g} %"
 
 
 def _range(values: xr.DataArray) -> str:
