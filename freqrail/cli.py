@@ -223,7 +223,7 @@ def confirm(
 ) -> None:
     """Simulate grid points of a result in time and say whether its numbers stand."""
     from freqrail.confirmation import carry_out, check_cost, plan_run
-    from freqrail.evidence import problems
+    from freqrail.findings import problems
     from freqrail.quantities import shown_bytes
     from freqrail.storage import check_target, write_result
     from freqrail.summary import confirmation_text, number
@@ -350,7 +350,7 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
 
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
     from freqrail import summary
-    from freqrail.evidence import is_confirmation
+    from freqrail.findings import is_confirmation
     from freqrail.points import example_point
     from freqrail.storage import open_result
     from freqrail.untrusted import check_result

@@ -18,9 +18,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from freqrail.evidence import band_note, relative
+from freqrail.findings import band_note, confirmed_names, relative
 from freqrail.names import RESPONSES
-from freqrail.timedomain import RESPONSES as CONFIRMED
 
 _WIDTH = 7.2  # inches, as in `figures`
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
@@ -73,8 +72,8 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
     """The four responses in time, both models together (the paper's fig. 4)."""
     one = dataset.isel(point=point)
     kept = one["time"].values <= _SHOWN
-    figure = _figure(2, 5.8, dataset, point, "simulated responses to record 0")
-    for name, ax in _panels(figure):
+    figure = _figure(2, _panels_height(dataset), dataset, point, "simulated responses to record 0")
+    for name, ax in _panels(figure, dataset):
         response = RESPONSES[name]
         for model, style in _line_styles().items():
             history = _first(one[f"{name}_history"], response.dimension, model)
@@ -88,8 +87,14 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
 def _spectra(dataset: xr.Dataset, point: int) -> Figure:
     """PSDs of the simulated responses as dots over the analytic ones."""
     one = dataset.isel(point=point)
-    figure = _figure(2, 5.8, dataset, point, "spectra: lines by frequency responses, dots by simulation (record 0)")
-    for name, ax in _panels(figure):
+    figure = _figure(
+        2,
+        _panels_height(dataset),
+        dataset,
+        point,
+        "spectra: lines by frequency responses, dots by simulation (record 0)",
+    )
+    for name, ax in _panels(figure, dataset):
         response = RESPONSES[name]
         top = 0.0
         for model, colour in _COLOURS.items():
@@ -123,14 +128,24 @@ def _line_styles() -> dict[str, dict[str, Any]]:
 
 
 def _first(variable: xr.DataArray, dimension: str, model: str) -> np.ndarray:
-    return variable.isel({dimension: 0}).sel(model=model).values
+    return variable.isel({dimension: 0} if dimension else {}).sel(model=model).values
 
 
-def _panels(figure: Figure) -> list[tuple[str, Axes]]:
-    axes = figure.subplots(2, 2).ravel()
-    for letter, name, ax in zip("abcd", CONFIRMED, axes, strict=True):
-        ax.set_title(f"({letter}) {RESPONSES[name].long_name}, {_WHERE[RESPONSES[name].dimension]}")
-    return list(zip(CONFIRMED, axes, strict=True))
+def _panels(figure: Figure, dataset: xr.Dataset) -> list[tuple[str, Axes]]:
+    """A panel a response that was confirmed, two in a row."""
+    names = confirmed_names(dataset)
+    axes = figure.subplots(-(-len(names) // 2), 2, squeeze=False).ravel()
+    for spare in axes[len(names) :]:
+        spare.remove()
+    for letter, name, ax in zip("abcdefg", names, axes, strict=False):
+        place = _WHERE.get(RESPONSES[name].dimension)
+        ax.set_title(f"({letter}) {RESPONSES[name].long_name}" + (f", {place}" if place else ""))
+    return list(zip(names, axes, strict=False))
+
+
+def _panels_height(dataset: xr.Dataset) -> float:
+    """Height of a figure with a panel a response, inches."""
+    return 0.8 + 2.5 * -(-len(confirmed_names(dataset)) // 2)
 
 
 # --- what the checks found -------------------------------------------------------------------------
@@ -184,7 +199,7 @@ def _rows(dataset: xr.Dataset, points: Sequence[int], what: str) -> tuple[Figure
     """A panel a point, a row a series."""
     columns = min(_PANELS_A_ROW, len(points))
     rows = -(-len(points) // columns)
-    figure = _figure(columns, 3.3 * rows + 0.9, dataset, None, what)
+    figure = _figure(columns, (0.9 + 0.22 * dataset.sizes["series"]) * rows + 0.9, dataset, None, what)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for spare in axes.ravel()[len(points) :]:
         spare.remove()

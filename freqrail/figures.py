@@ -31,7 +31,7 @@ from freqrail.case import Case
 from freqrail.casefile import shipped_cases
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
-from freqrail.evidence import is_confirmation
+from freqrail.findings import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
 from freqrail.points import Point, axis_label, confirmed_point, locate, result_case, swept
 from freqrail.storage import open_result

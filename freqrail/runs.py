@@ -10,18 +10,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from freqrail import timedomain
 from freqrail.case import Case
-from freqrail.errors import FreqrailWarning, InputError, NumericalError
+from freqrail.errors import FreqrailWarning, InputError
 from freqrail.integrators import INTEGRATORS
-from freqrail.names import PARAMETERS, Parameter, suggestion
+from freqrail.names import PARAMETERS, RESPONSES, Parameter, suggestion
 from freqrail.points import Point, axis_label, example_point, grid_axis, locate, parse_point, result_case
 from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
 from freqrail.storage import open_result
 from freqrail.timedomain import Plan
-from freqrail.track import Band, band_limits
+from freqrail.track import Band
 
 WHOLE_AXIS_BAND = Band("frequency", 0.1, 100.0)
 """What a result without a band is confirmed over: a time run cannot take in the whole axis."""
@@ -39,16 +40,23 @@ Points = str | Point | Sequence[str | Point]
 class Run:
     """What a confirmation is to do: the points, how each is simulated, where they lie on the result's grid.
 
-    band: the one confirmed over. indices: {swept parameter: index} a point; labels: the same in words.
+    names: the responses that the result holds. band: the one confirmed over. indices: {swept parameter: index} a
+    point; labels: the same in words.
     """
 
     case: Case
     dataset: xr.Dataset
+    names: tuple[str, ...]
     band: Band
     indices: tuple[dict[str, int], ...]
     labels: tuple[str, ...]
     points: tuple[timedomain.Point, ...]
     plans: tuple[Plan, ...]
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Frequencies, Hz, of the spectra that the result holds: [n], none if it holds none."""
+        return self.dataset["frequency"].values if "frequency" in self.dataset else np.empty(0)
 
     @property
     def simulated_seconds(self) -> float:
@@ -61,11 +69,14 @@ class Run:
     @property
     def stored_bytes(self) -> int:
         """Size of the confirmation in bytes, about."""
-        plan = self.plans[0]
-        highest = max(plan.limits[1] for plan in self.plans)
-        samples = timedomain.HISTORY * highest * plan.samples_a_period / timedomain.KEPT_EVERY
-        each = 2 * timedomain.SERIES_COUNT * (8 * (8 + 2 * plan.realisations + 2 * timedomain.PSD_LINES) + 4 * samples)
-        return int(len(self.points) * (each + 24 * samples)) + 2 * len(self.case.text) + 200_000
+        series = timedomain.series_count(self.names)
+        each = 0.0
+        for point, plan in zip(self.points, self.plans, strict=True):
+            side = timedomain.time_side(point, plan.names)
+            kept = timedomain.HISTORY * timedomain.sampling_rate(point, plan, side) / timedomain.KEPT_EVERY
+            numbers = 30 + 2 * plan.realisations + 2 * timedomain.PSD_LINES
+            each = max(each, 2 * series * (8 * numbers + 4 * kept) + 24 * kept)
+        return int(len(self.points) * each) + 2 * len(self.case.text) + 200_000
 
     def seconds(self, jobs: int = 1, integrator: str | None = None) -> float:
         """Estimated wall time in s on `jobs` processes, from trial runs of every point's first moments."""
@@ -99,23 +110,28 @@ def plan_run(
     chosen = _band(band, problems) if band else case.band or WHOLE_AXIS_BAND
     if problems:
         raise InputError(*problems)
+    names = tuple(name for name in RESPONSES if f"{name}_rms" in dataset)
     indices = _indices(dataset, case, at)
     labels = tuple(_label_of(dataset, index) for index in indices)
     points = tuple(_point(case, dataset, index) for index in indices)
     plans = []
     for label, point in zip(labels, points, strict=True):
-        low, high = band_limits(chosen, point.speed) / (2 * np.pi)
-        plan = Plan((float(low), float(high)), period, realisations, integrator, start, seed)
+        plan = Plan(_limits(chosen, point.speed), period, realisations, integrator, start, seed, names=names)
         try:
             timedomain.check_plan(point, plan)
         except InputError as fault:
             raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
         plans.append(plan)
-    return Run(case, dataset, chosen, tuple(indices), labels, points, tuple(plans))
+    return Run(case, dataset, names, chosen, tuple(indices), labels, points, tuple(plans))
+
+
+def _limits(band: Band, speed: float) -> tuple[float, float]:
+    """A band in Hz at `speed` in m/s. Not by `band_limits`, whose faults a confirmation must see."""
+    return (band.low, band.high) if band.kind == "frequency" else (speed / band.high, speed / band.low)
 
 
 def check_cost(run: Run, max_time: str = "10 min", jobs: int = 1) -> float:
-    """The estimated wall time of a run, s. Raises NumericalError, with an alternative, if it exceeds `max_time`."""
+    """The estimated wall time of a run, s. Raises InputError, with an alternative, if it exceeds `max_time`."""
     problems: list[str] = []
     limit = _quantity(_MAX_TIME, "--max-time", max_time, problems)
     if type(jobs) is not int or jobs < 1:
@@ -129,7 +145,7 @@ def check_cost(run: Run, max_time: str = "10 min", jobs: int = 1) -> float:
         if integrator != "exponential":
             faster = run.seconds(jobs, "exponential")
             way_out = f"--integrator exponential takes about {_time(faster)}, whatever the stiffness"
-        raise NumericalError(
+        raise InputError(
             f"confirm: {integrator} would take about {_time(needed)}, more than --max-time allows "
             f'(got "{max_time}"); {way_out}'
         )

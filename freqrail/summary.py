@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from freqrail import findings
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
-from freqrail.evidence import band_note, problems
-from freqrail.evidence import records as confirmation_records
 from freqrail.modal import modes
 from freqrail.names import PARAMETERS, RESPONSES
 from freqrail.plan import band_text
@@ -33,8 +32,26 @@ HEADINGS = {
     "difference_percent": "difference %",
     "interval_low": "95 % low",
     "interval_high": "95 % high",
+    "half_width_percent": "+-%",
+    "solver_differs": "solver",
+    "kernel_differs": "kernel",
+    "whole_axis_differs": "whole axis",
+    "result_differs": "result",
+    "kernel_percent": "by the kernel check %",
+    "simulation_percent": "by the simulation %",
 }
 """Keys of records whose column is not headed by the key with blanks for underscores."""
+
+DIGITS = {
+    "half_width_percent": 2,
+    "solver_differs": 2,
+    "kernel_differs": 2,
+    "whole_axis_differs": 2,
+    "result_differs": 2,
+    "kernel_percent": 2,
+    "simulation_percent": 2,
+}
+"""Keys of records whose numbers are shown with other than four digits."""
 
 
 def printable(text: str) -> str:
@@ -54,7 +71,7 @@ def number(value: float, digits: int = 4) -> str:
 def table(records: Sequence[Record], columns: Sequence[str] | None = None) -> str:
     """Records as aligned text columns; numbers to the right, missing entries blank."""
     columns = list(columns or records[0])
-    cells = [[_cell(record.get(column)) for column in columns] for record in records]
+    cells = [[_cell(record.get(column), DIGITS.get(column, 4)) for column in columns] for record in records]
     heads = [HEADINGS.get(column, column.replace("_", " ")) for column in columns]
     widths = [max(len(head), *(len(row[i]) for row in cells)) for i, head in enumerate(heads)]
     right = [all(isinstance(r.get(c), int | float | None) for r in records) for c in columns]
@@ -66,10 +83,10 @@ def table(records: Sequence[Record], columns: Sequence[str] | None = None) -> st
     return "\n".join([line(heads), line(["-" * w for w in widths]), *(line(row) for row in cells)])
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, digits: int) -> str:
     if value is None:
         return ""
-    return number(value) if isinstance(value, float) else printable(str(value))
+    return number(value, digits) if isinstance(value, float) else printable(str(value))
 
 
 # --- a case ----------------------------------------------------------------------------------------
@@ -267,28 +284,64 @@ def case_head(case: Case) -> str:
 
 
 def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[Record, list[str]]:
-    """A confirmation as facts to print as JSON and as lines of text: conditions, a table a point, and what fails.
+    """A confirmation as facts for JSON and as lines of text: conditions, a table a point, what it sees, what fails.
 
     point: the only one to tell of. Raises InputError if it is not among those confirmed.
     """
     attributes = dataset.attrs
     chosen = range(dataset.sizes["point"]) if point is None else [confirmed_point(dataset, point)]
-    tables = {str(dataset["place"].values[i]): confirmation_records(dataset, i) for i in chosen}
-    faults = problems(dataset)
+    tables = {str(dataset["place"].values[i]): findings.records(dataset, i) for i in chosen}
+    shared = {str(dataset["place"].values[i]): findings.shared(dataset, i) for i in chosen}
+    faults, missing, power = findings.problems(dataset), findings.not_checked(dataset), findings.power(dataset)
     head = [
         str(attributes.get("title", attributes["case_name"])),
-        f"{band_note(dataset)}; {attributes['realisations']} Gaussian records of {attributes['duration_s']:g} s, "
-        f"seed {attributes['seed']}, {attributes['integrator']}",
+        f"{findings.band_note(dataset)}; {attributes['realisations']} Gaussian records of "
+        f"{attributes['duration_s']:g} s, seed {attributes['seed']}, {attributes['integrator']}",
     ]
     lines = [printable(line) for line in head]
     for where, numbers in tables.items():
-        lines += ["", printable(where), table(numbers)]
+        columns = [column for column in findings.TABLE if column in numbers[0]]
+        lines += ["", printable(where), table(numbers, columns), _shared_text(shared[where])]
     lines += [
         "",
-        "confirmed: inside the interval that holds for all checks together with "
-        f"{100 * float(attributes['verdict_confidence']):g} %, wider than the 95 % one above",
+        "verdict: simulated RMS inside the interval that holds for all checks together with "
+        f"{100 * float(attributes['verdict_confidence']):g} %, wider than the 95 % one above: half of it is +-%; "
+        "the other columns are relative differences",
+        "",
+        "smallest fault of an RMS that this run would have seen, over its points and models",
+        table(power),
+        "",
     ]
-    checks = 2 * dataset["solver_error"].size
-    words = "all stand" if not faults else "NOT all stand"
-    lines += [f"{checks} checks: {words}; largest solver error {float(dataset['solver_error'].max()):.1e}"]
-    return {"title": head[0], "conditions": head[1], "points": tables, "problems": faults}, lines
+    total = findings.count_of_checks(dataset)
+    if faults:
+        words = f"{total} checks: NOT all stand"
+    elif missing:
+        words = f"{total} checks: those that could be made stand; not checked:"
+    else:
+        words = f"{total} checks: all stand"
+    lines += [words, *(f"  {line}" for line in missing)]
+    facts = {
+        "title": head[0],
+        "conditions": head[1],
+        "points": tables,
+        "shared": shared,
+        "power": power,
+        "problems": faults,
+        "not_checked": missing,
+    }
+    return facts, lines
+
+
+def _shared_text(shared: Record) -> str:
+    """What both sides of a confirmation share at a point, as a line of text."""
+    lags = ", ".join(number(1e3 * lag) for lag in shared["lags_s"])
+    simulated = ", ".join(number(1e3 * lag) for lag in shared["simulated_lags_s"])
+    track = "; ".join(
+        f"{row['range']} {number(row['simulated_mm'], 5)} mm simulated, {number(row['mm'], 5)} mm by the spectrum"
+        for row in shared["track"]
+    )
+    load, stiffness = number(shared["static_wheel_load_N"]), number(shared["contact_stiffness_N_per_m"], 5)
+    return (
+        f"shared by both sides: P0 {load} N, K_H {stiffness} N/m, lags {lags} ms (on the track simulated {simulated})\n"
+        f"track, standard deviation: {track}"
+    )

@@ -26,7 +26,7 @@ from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Find
 from freqrail.replication.studies import CASE
 from freqrail.replication.words import percent
 from freqrail.response import SERIES
-from freqrail.timedomain import RESPONSES as IN_ORDER
+from freqrail.timedomain import PAPER as IN_ORDER
 from freqrail.track import Band
 
 # The field's contact constants G = c R^e in m/N^(2/3), R the wheel radius in m: conical and worn tread.
