@@ -69,7 +69,7 @@ _VEHICLE = (
         "N/m",
         "stiffness",
         "875 kN/m",
-        "vertical stiffness of the primary suspension, one side of an axle",
+        "vertical stiffness of the primary suspension, one side of one axle",
     ),
     Parameter(
         "primary_damping",
@@ -78,7 +78,7 @@ _VEHICLE = (
         "N*s/m",
         "damping",
         "17 kN*s/m",
-        "vertical damping of the primary suspension, one side of an axle",
+        "vertical damping of the primary suspension, one side of one axle",
         above=False,
     ),
     Parameter(
@@ -101,7 +101,7 @@ _VEHICLE = (
         "N/m",
         "stiffness",
         "412 kN/m",
-        "vertical stiffness of the secondary suspension, one side of a bogie",
+        "vertical stiffness of the secondary suspension, one side of one bogie",
     ),
     Parameter(
         "secondary_damping",
@@ -110,7 +110,7 @@ _VEHICLE = (
         "N*s/m",
         "damping",
         "54 kN*s/m",
-        "vertical damping of the secondary suspension, one side of a bogie",
+        "vertical damping of the secondary suspension, one side of one bogie",
         above=False,
     ),
     Parameter(

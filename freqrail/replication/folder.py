@@ -15,7 +15,9 @@ from freqrail.replication import document, studies, time_variations, variations
 from freqrail.replication.claims import judge_all
 from freqrail.replication.figures import FORMATS, draw_all, pictures
 from freqrail.replication.judging import VERDICTS, Finding
+from freqrail.replication.mechanism import mechanism
 from freqrail.replication.report import compose
+from freqrail.replication.standing import standings
 from freqrail.replication.variations import Variation
 from freqrail.storage import write_result
 
@@ -54,7 +56,7 @@ class Replication:
 def steps(quick: bool = False) -> int:
     """How many steps `replicate` tells its `progress` of."""
     simulated = 0 if quick else round(time_variations.simulated_seconds() / SECONDS_A_STEP)
-    return len(_DATASETS) + variations.count_in_frequency() + simulated + _FIGURES
+    return len(_DATASETS) + 2 + variations.count_in_frequency() + simulated + _FIGURES
 
 
 def replicate(
@@ -73,8 +75,11 @@ def replicate(
     for name, make in _DATASETS.items():
         datasets[name] = make()
         progress(1)
-    findings = judge_all(datasets)
+    findings, standing = judge_all(datasets), standings(datasets)
+    progress(1)
     case = studies.study_case()
+    explanation = mechanism(datasets["grid"], case)
+    progress(1)
     varied = variations.in_frequency(datasets["grid"], case, progress)
     if not quick:
         varied += time_variations.in_time(datasets["grid"], case, _whole_steps(progress))
@@ -86,7 +91,9 @@ def replicate(
         for name, dataset in datasets.items():
             write_result(dataset, partial / f"{name}.nc")
         draw_all(drawn, partial, progress)
-        blocks = compose(datasets, findings, varied, drawn, case.vehicle, LEFT_OUT if quick else "")
+        blocks = compose(
+            datasets, findings, standing, explanation, varied, drawn, case.vehicle, LEFT_OUT if quick else ""
+        )
         (partial / "report.md").write_text(document.markdown(blocks), encoding="utf-8")
         (partial / "report.html").write_text(document.web_page(blocks, partial), encoding="utf-8")
         _swap(partial, target)

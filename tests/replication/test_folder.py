@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.contour import QuadContourSet
 
 from freqrail import cli, storage
 from freqrail.errors import FileError, InputError
@@ -16,6 +18,7 @@ from freqrail.replication import folder as replication
 from freqrail.replication.claims import CLAIMS
 from freqrail.replication.figures import draw_all, pictures
 from freqrail.replication.judging import FAILS, HOLDS, PARTLY
+from freqrail.replication.thresholds import KNIFE_EDGE
 
 
 def read(path: Path) -> xr.Dataset:
@@ -35,7 +38,9 @@ def quick(tmp_path_factory):
 
 def verdicts(report: Path) -> dict[str, str]:
     """Verdicts by claim as a report's tables state them."""
-    rows = re.findall(r"^\| (\S+ \S+) \| [^|]+ \| (holds|holds partly|does not hold) \|", report.read_text(), re.M)
+    rows = re.findall(
+        r"^\| (\S+ \S+) \| [^|]+ \| [^|]+ \| (holds|holds partly|does not hold) \|", report.read_text(), re.M
+    )
     return dict(rows)
 
 
@@ -93,6 +98,45 @@ def test_every_axis_has_a_unit_and_every_figure_says_what_to_see(quick):
         for ax in picture.draw().axes:
             assert ax.get_ylabel().endswith("]"), (picture.stem, ax.get_ylabel())
             assert ax.get_xlabel().endswith("]") or not ax.get_xlabel()
+
+
+def test_the_maps_colours_reach_to_the_largest_and_the_smallest_value(quick):
+    """A colour scale that ends before the data hides how far a soft joint leads."""
+    picture = next(picture for picture in pictures(quick.datasets) if picture.stem == "joint-map")
+    panels = [ax for ax in picture.draw().axes if ax.get_xlabel().startswith("primary joint")]
+    assert len(panels) == 4
+    largest = 0.0
+    for ax in panels:
+        filled = next(c for c in ax.collections if isinstance(c, QuadContourSet) and c.filled)
+        values = filled.get_array()
+        assert filled.extend == "neither"
+        assert values is not None
+        low, high = (float(part.rstrip(" %").replace("−", "-")) for part in ax.get_title().split("\n")[1].split(" to "))
+        assert filled.levels[0] <= low < high <= filled.levels[-1]
+        largest = max(largest, high)
+    grid = quick.datasets["map"]
+    ratio = grid["bogie_acceleration_rms"] / grid["traditional_bogie_acceleration_rms"]
+    assert largest == pytest.approx(100 * (float(ratio.sel(bogie="front").max()) - 1), abs=1)
+
+
+def test_no_caption_sells_a_best_joint_of_six(quick):
+    for picture in pictures(quick.datasets):
+        assert "best joint" not in picture.caption.replace("not the best joint", "")
+
+
+def test_every_claim_stands_beside_its_quotation_section_and_range_in_both_reports(quick):
+    text, page = ((quick.folder / f"report.{kind}").read_text() for kind in ("md", "html"))
+    rows = {line.split(" | ")[0].removeprefix("| "): line for line in text.splitlines() if line.startswith("| V")}
+    edges = 0
+    for claim in CLAIMS:
+        line = next(li for li in text.splitlines() if li.startswith(f"| {claim.key} | “"))
+        assert f"“{claim.quotation}” ({claim.section}, {claim.item})" in line
+        assert claim.quotation in html.unescape(page)
+        assert f"| {quick.findings[claim.key].verdict} |" in line
+        edges += "**Knife edge**" in line
+    assert set(rows) >= {claim.key for claim in CLAIMS}
+    assert f"**{edges} of these verdicts are knife edges**" in text
+    assert text.count(KNIFE_EDGE) == 1  # defined once, where they are counted
 
 
 def test_figures_are_the_same_bytes_from_run_to_run(quick, tmp_path):
