@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail import residues, rms
+from freqrail import rms
+from freqrail.partial_fractions import chain_poles
 from freqrail.study import Study, cut
 from freqrail.track import RationalSpectrum, kinks, singular_points
 from freqrail.vehicle import Vehicle, poles
@@ -51,7 +52,7 @@ def shared_nodes(study: Study) -> tuple[SharedNodes, ...]:
     if in_closed_form(study):
         return ()
     sample = replace(study, vehicle=_sample(study.vehicle))
-    resonances = np.concatenate([residues.chain_poles(sample.vehicle, chain).ravel() for chain in study.chains])
+    resonances = np.concatenate([chain_poles(sample.vehicle, chain).ravel() for chain in study.chains])
     resonances = resonances[np.isfinite(resonances)]
     all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
     return tuple(_shared(sample, group, resonances, all_known) for group in speed_groups(sample, resonances))
