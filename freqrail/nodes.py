@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bisect
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from freqrail import rms
 from freqrail.partial_fractions import chain_poles
+from freqrail.response import SERIES
 from freqrail.study import Study, cut
 from freqrail.track import RationalSpectrum, kinks, singular_points
 from freqrail.vehicle import Vehicle, poles
@@ -31,15 +33,15 @@ OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by 
 
 @dataclass(frozen=True)
 class SharedNodes:
-    """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own; `rms.rounding` [m].
+    """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own.
 
-    speeds: [m], which of the grid's speeds they are for. They depend on the whole grid: a part of it takes those of
-    the whole, and so gets the same bits.
+    speeds: [m], which of the grid's speeds they are for. lost: `rms.rounding` of each response, {name: [m]}. They depend
+    on the whole grid: a part of it takes those of the whole, and so gets the same bits.
     """
 
     speeds: NDArray[np.intp]
     edges: NDArray[np.float64] | None
-    lost: NDArray[np.float64]
+    lost: Mapping[str, NDArray[np.float64]]
 
 
 def in_closed_form(study: Study) -> bool:
@@ -52,29 +54,41 @@ def shared_nodes(study: Study) -> tuple[SharedNodes, ...]:
     if in_closed_form(study):
         return ()
     sample = replace(study, vehicle=_sample(study.vehicle))
-    resonances = np.concatenate([chain_poles(sample.vehicle, chain).ravel() for chain in study.chains])
-    resonances = resonances[np.isfinite(resonances)]
+    found = {chain: chain_poles(sample.vehicle, chain).ravel() for chain in study.chains}
+    resonances = {chain: poles[np.isfinite(poles)] for chain, poles in found.items()}
     all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
-    return tuple(_shared(sample, group, resonances, all_known) for group in speed_groups(sample, resonances))
+    groups = speed_groups(sample, np.concatenate(list(resonances.values())))
+    return tuple(_shared(sample, group, resonances, all_known) for group in groups)
 
 
-def _shared(study: Study, speeds: NDArray[np.intp], resonances: NDArray[np.complex128], all_known: bool) -> SharedNodes:
+def lost(study: Study, resonances: Mapping[str, NDArray[np.complex128]]) -> dict[str, NDArray[np.float64]]:
+    """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it."""
+    return {
+        name: rms.rounding(np.concatenate([resonances[chain] for chain in SERIES[name].chains]), study.limits)
+        for name in study.names
+    }
+
+
+def _shared(
+    study: Study, speeds: NDArray[np.intp], by_chain: Mapping[str, NDArray[np.complex128]], all_known: bool
+) -> SharedNodes:
     """Nodes for some of the speeds. all_known: the resonances are those of every vehicle of the grid."""
+    resonances = np.concatenate(list(by_chain.values()))
     study = replace(study, speed=study.speed[speeds])
     if np.isinf(study.limits).any():
-        return SharedNodes(speeds, None, np.array(np.nan))  # the bound of what lies beyond is each vehicle's own
+        return SharedNodes(speeds, None, {})  # the bound of what lies beyond is each vehicle's own
     first, lag = first_edges(study, resonances), _longest_lag(study)
     inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
     if not all_known and np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
         # between the vehicles sampled, such a peak could pass through the nodes
-        return SharedNodes(speeds, None, np.array(np.nan))
-    lost = rms.rounding(resonances, study.limits)
+        return SharedNodes(speeds, None, {})
+    rounding = lost(study, by_chain)
     most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
     if rms.fewest_nodes(first, lag) > most:
-        return SharedNodes(speeds, None, lost)
+        return SharedNodes(speeds, None, rounding)
     everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
     edges = rms.panel_edges(first, everything, lag)
-    return SharedNodes(speeds, edges if (edges.size - 1) * rms.PANEL_NODES <= most else None, lost)
+    return SharedNodes(speeds, edges if (edges.size - 1) * rms.PANEL_NODES <= most else None, rounding)
 
 
 def speed_groups(study: Study, resonances: NDArray[np.complex128]) -> list[NDArray[np.intp]]:

@@ -17,7 +17,8 @@ from freqrail.vehicle import Vehicle, ladder, leg_dynamic_stiffness
 Number = Any
 
 FAR = 1e7
-"""Poles beyond this, rad/s, are left out: they hold less than 1e-12 of any response (G falls like s^-4)."""
+"""Poles beyond this, rad/s, are left out unless they ring: they hold less than 1e-12 of any response (G falls like
+s^-4) of a plausible vehicle; of others `residues` finds that something is missing."""
 
 DIFFERENCE = 1e-6  # relative step of the difference quotient in Newton's method
 LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
@@ -32,7 +33,7 @@ class Modal:
     """A chain as partial fractions: element X(s) = sum of residue_k / (s - pole_k), m per metre of track.
 
     poles: [grid..., n] rad/s, all of them. residues: {element: [grid..., n]}, zero for the poles of states
-    that are missing or beyond `FAR`. rounding: {element: [grid..., n]}, possible relative errors of the residues, of
+    that are missing or beyond `FAR`, NaN where the vehicle's numbers overflow. rounding: {element: [grid..., n]}, possible relative errors of the residues, of
     what they are worth in a mean square. upper: [grid..., k], indices of the poles with Im >= 0, which stand for
     their conjugates too. weight: [grid..., k], 2 for those with a conjugate, 1 for real ones, 0 where a vehicle
     has fewer than k.
@@ -95,7 +96,7 @@ def modal(vehicle: Vehicle, chain: str) -> Modal:
     """
     poles = chain_poles(vehicle, chain)
     column = vehicle.column()
-    near = np.abs(poles) < FAR
+    near = (np.abs(poles) < FAR) | (np.abs(poles.imag) > LIGHT * np.abs(poles))
     p = np.where(near, poles, -1.0)
     for _ in range(3):
         value, beside = (descend(column, chain, z, z * z)[0] for z in (p, p * (1 + DIFFERENCE)))
@@ -111,7 +112,7 @@ def modal(vehicle: Vehicle, chain: str) -> Modal:
     p = np.where(light, found.real_part + 1j * p.imag, p)
     found = _at_pole(column, chain, p)
     with np.errstate(divide="ignore", invalid="ignore"):
-        residues = {name: np.where(near, ratio / found.slope, 0.0) for name, ratio in found.ratios.items()}
+        residues = {name: np.where(near, ratio / found.slope, poles * 0.0) for name, ratio in found.ratios.items()}
     rounding = {name: np.where(near, error, 0.0) for name, error in _rounding(found, p, light).items()}
     weight = np.where(p.imag > 0, 2.0, np.where(p.imag < 0, 0.0, 1.0)) * near
     order = np.argsort(-weight, axis=-1, kind="stable")[..., : max(1, int(np.max(np.sum(weight > 0, axis=-1))))]

@@ -268,7 +268,6 @@ def _chain_terms(
     near = {y: -1.0 / (p[..., :, None] + other.poles[..., None, :]) for y, other in chains.items()}
     direct = {y: _directly(vehicle, y, -p) for y in chains}
     damped = np.abs(p.real) > LIGHT * np.abs(p)
-    loss = _loss(chains)[..., None]
     reach = {y: _reach(p, other) for y, other in chains.items()}
     heads, uncertainties = {}, {}
     for name in dict.fromkeys(name for name, _ in rows):
@@ -283,6 +282,8 @@ def _chain_terms(
             uncertainties[name, y] = np.abs(scale) * (np.abs(mirrored) * doubts[x, quantity] + np.abs(residue) * wrong)
     coefficients = [sum(f * heads[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     weight = np.stack(np.broadcast_arrays(*coefficients), axis=-2)
+    losses = {name: _loss(chains, SERIES[name].chains) for name in dict.fromkeys(name for name, _ in rows)}
+    loss = np.stack(np.broadcast_arrays(*(losses[name] for name, _ in rows)), axis=-2)
     doubtful = [sum(abs(f) * uncertainties[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*doubtful), axis=-2)
     lags = LAG_SUMS[[c for _, c in rows]]
@@ -319,15 +320,15 @@ def _directly(vehicle: Vehicle, chain: str, s: NDArray[np.complex128]) -> dict[s
     return {name: ratio / track for name, ratio in ratios.items()}
 
 
-def _loss(chains: dict[str, Modal]) -> NDArray[np.float64]:
-    """Relative error that rounding leaves in the residues, [grid..., 1].
+def _loss(chains: dict[str, Modal], names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Relative error that rounding leaves in the residues of the named chains, [grid..., 1].
 
     A peak's height goes with the distance of a pole from another's mirror image. For the wheelsets' modes, which
     differ little from chain to chain, that is about twice the real part, while the imaginary parts are only known
     to a rounding error.
     """
     sharpness: Any = 0.0
-    for chain in chains.values():
+    for chain in map(chains.__getitem__, names):
         p = chain.take(chain.poles)
         with np.errstate(divide="ignore"):
             sharp = np.where(chain.weight > 0, np.abs(p) / np.abs(2 * p.real), 0.0)

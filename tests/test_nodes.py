@@ -112,8 +112,8 @@ def test_progress_counts_every_point_of_every_group_once(paper_vehicle):
 
 
 def test_a_soft_joint_on_the_whole_axis_is_mended_at_every_speed(paper_vehicle):
-    """The closed form owns up to an error above 1e-6 at 1 kN/m; quadrature, group by group of the speeds, has less."""
-    soft = replace(paper_vehicle, secondary_joint_stiffness=np.array([1e3, 5e6]))
+    """The closed form owns up to an error above 1e-6 at 100 N/m; quadrature, group by group of the speeds, has less."""
+    soft = replace(paper_vehicle, secondary_joint_stiffness=np.array([1e2, 5e6]))
     speeds = np.array([30.0, 60.0, 100.0, 250.0]) * KMH
     solution = grid.solve(study(soft, speeds, None))
     own, closed = (grid.METHOD.index(name) for name in ("own_quadrature", "closed_form"))
@@ -164,7 +164,7 @@ def test_vehicles_whose_sharp_peaks_are_all_elsewhere_are_better_off_alone(paper
     ringing = replace(paper_vehicle, primary_stiffness=springs, primary_damping=1.0, secondary_damping=1.0)
     (own,) = nodes.shared_nodes(study(ringing, np.array([60.0])))
     assert own.edges is None
-    assert np.all(own.lost > 1e-12)
+    assert all(np.all(lost > 1e-12) for lost in own.lost.values())
 
 
 def test_shared_nodes_resolve_the_longest_vehicles_lags(paper_vehicle):
