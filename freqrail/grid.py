@@ -48,8 +48,8 @@ Progress = Callable[[int], object]
 class Solution:
     """RMS values and their relative error estimates {name: [positions, grid..., speeds]} in SI units.
 
-    status and method: [grid..., speeds], int8, see `STATUS` and `METHOD`: the gravest that befell any response. A number
-    is NaN, and so is its error, where it is not finite, its error exceeds `TOLERANCE` or its response is undamped.
+    status and method: [grid..., speeds], int8, see `STATUS` and `METHOD`; the status is the gravest that befell any
+    response. A number and its error are NaN where it is not finite, its error exceeds `TOLERANCE` or it is undamped.
     """
 
     rms: dict[str, NDArray[np.float64]]

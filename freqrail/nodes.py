@@ -35,8 +35,8 @@ OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by 
 class SharedNodes:
     """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own.
 
-    speeds: [m], which of the grid's speeds they are for. lost: `rms.rounding` of each response, {name: [m]}. They depend
-    on the whole grid: a part of it takes those of the whole, and so gets the same bits.
+    speeds: [m], which of the grid's speeds they are for. lost: `rms.rounding` of each response, {name: [m]}. They
+    depend on the whole grid: a part of it takes those of the whole, and so gets the same bits.
     """
 
     speeds: NDArray[np.intp]

@@ -33,10 +33,10 @@ class Modal:
     """A chain as partial fractions: element X(s) = sum of residue_k / (s - pole_k), m per metre of track.
 
     poles: [grid..., n] rad/s, all of them. residues: {element: [grid..., n]}, zero for the poles of states
-    that are missing or beyond `FAR`, NaN where the vehicle's numbers overflow. rounding: {element: [grid..., n]}, possible relative errors of the residues, of
-    what they are worth in a mean square. upper: [grid..., k], indices of the poles with Im >= 0, which stand for
-    their conjugates too. weight: [grid..., k], 2 for those with a conjugate, 1 for real ones, 0 where a vehicle
-    has fewer than k.
+    that are missing or beyond `FAR`, NaN where the vehicle's numbers overflow. rounding: {element: [grid..., n]},
+    possible relative errors of the residues by what they are worth in a mean square. upper: [grid..., k], indices of
+    the poles with Im >= 0, which stand for their conjugates too. weight: [grid..., k], 2 for those with a conjugate,
+    1 for real ones, 0 where a vehicle has fewer than k.
     """
 
     poles: NDArray[np.complex128]
