@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import residues, rms
-from freqrail.nodes import SharedNodes, lost, own_edges, shared_nodes, speed_groups
+from freqrail.nodes import SharedNodes, every_pole, lost, own_edges, shared_nodes, speed_groups
+from freqrail.partial_fractions import own_resonances
 from freqrail.response import SERIES, response_psd
 from freqrail.study import Study, cells, cells_by_geometry, cut
 from freqrail.vehicle import chain_system, ladder, poles, state_space
@@ -171,14 +172,14 @@ def _weighted_nodes(study: Study, geometry: tuple[int, ...], rule: rms.Quadratur
 def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanSquare]:
     """Mean squares of one vehicle at every speed with nodes placed for it alone, and denser: [positions, speeds]."""
     vehicle = study.vehicle.at(index)
-    edges = own_edges(study, vehicle)
+    found = {chain: own_resonances(vehicle, chain) for chain in study.chains}
+    edges = own_edges(study, vehicle, every_pole(found))
     if edges is None:
         nothing = {k: np.full((len(SERIES[k].positions), study.speed.size), np.nan) for k in study.names}
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     rule = rms.quadrature(edges)
     nodes = rms.weighted_nodes(vehicle, study.spectrum, rule, study.speed, study.limits, OWN_NODES)
-    rounding = lost(study, {chain: poles(vehicle, (chain,)) for chain in study.chains})
-    squares = rms.mean_squares(vehicle, study.names, nodes, rounding)
+    squares = rms.mean_squares(vehicle, study.names, nodes, lost(study, found))
     if np.isinf(study.limits).any():
         beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}

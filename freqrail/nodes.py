@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import rms
-from freqrail.partial_fractions import chain_poles
+from freqrail.partial_fractions import Resonances, chain_poles, resonances
 from freqrail.response import SERIES
 from freqrail.study import Study, cut
 from freqrail.track import RationalSpectrum, kinks, singular_points
-from freqrail.vehicle import Vehicle, poles
+from freqrail.vehicle import Vehicle
 
 SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
 SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
@@ -54,26 +54,47 @@ def shared_nodes(study: Study) -> tuple[SharedNodes, ...]:
     if in_closed_form(study):
         return ()
     sample = replace(study, vehicle=_sample(study.vehicle))
-    found = {chain: chain_poles(sample.vehicle, chain).ravel() for chain in study.chains}
-    resonances = {chain: poles[np.isfinite(poles)] for chain, poles in found.items()}
+    found = {chain: _sampled(sample.vehicle, chain) for chain in study.chains}
     all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
-    groups = speed_groups(sample, np.concatenate(list(resonances.values())))
-    return tuple(_shared(sample, group, resonances, all_known) for group in groups)
+    groups = speed_groups(sample, every_pole(found))
+    return tuple(_shared(sample, group, found, all_known) for group in groups)
 
 
-def lost(study: Study, resonances: Mapping[str, NDArray[np.complex128]]) -> dict[str, NDArray[np.float64]]:
-    """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it."""
-    return {
-        name: rms.rounding(np.concatenate([resonances[chain] for chain in SERIES[name].chains]), study.limits)
-        for name in study.names
-    }
+def _sampled(vehicle: Vehicle, chain: str) -> Resonances:
+    """The resonances [n] of a chain of all vehicles of a grid; not known if eigenvalues cannot tell a peak's width."""
+    poles = chain_poles(vehicle, chain)
+    found = resonances(vehicle, chain, poles)
+    here = np.isfinite(poles)
+    errors = {name: error[here] for name, error in found.errors.items()}
+    return Resonances(poles[here], found.known[here], found.shift[here], errors)
 
 
-def _shared(
-    study: Study, speeds: NDArray[np.intp], by_chain: Mapping[str, NDArray[np.complex128]], all_known: bool
-) -> SharedNodes:
+def every_pole(found: Mapping[str, Resonances]) -> NDArray[np.complex128]:
+    """The poles of all chains, rad/s."""
+    return np.concatenate([each.poles for each in found.values()])
+
+
+def lost(study: Study, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.float64]]:
+    """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it.
+
+    inf where a resonance inside the band may have been missed.
+    """
+    result = {}
+    for name in study.names:
+        chains = [found[chain] for chain in SERIES[name].chains]
+        shift = np.concatenate([each.shift for each in chains])
+        errors = np.concatenate([each.errors.get(SERIES[name].quantity, each.shift) for each in chains])
+        result[name] = rms.rounding(
+            every_pole({str(k): each for k, each in enumerate(chains)}), study.limits, shift, errors
+        )
+        if not all(each.known.all() for each in chains):
+            result[name] = np.full_like(result[name], np.inf)
+    return result
+
+
+def _shared(study: Study, speeds: NDArray[np.intp], found: Mapping[str, Resonances], all_known: bool) -> SharedNodes:
     """Nodes for some of the speeds. all_known: the resonances are those of every vehicle of the grid."""
-    resonances = np.concatenate(list(by_chain.values()))
+    resonances = every_pole(found)
     study = replace(study, speed=study.speed[speeds])
     if np.isinf(study.limits).any():
         return SharedNodes(speeds, None, {})  # the bound of what lies beyond is each vehicle's own
@@ -82,7 +103,10 @@ def _shared(
     if not all_known and np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
         # between the vehicles sampled, such a peak could pass through the nodes
         return SharedNodes(speeds, None, {})
-    rounding = lost(study, by_chain)
+    if np.any(inside & ~np.concatenate([each.known for each in found.values()])):
+        return SharedNodes(speeds, None, {})
+    outside_too = {chain: replace(each, known=np.full(each.poles.shape, True)) for chain, each in found.items()}
+    rounding = lost(study, outside_too)
     most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
     if rms.fewest_nodes(first, lag) > most:
         return SharedNodes(speeds, None, rounding)
@@ -111,9 +135,11 @@ def speed_groups(study: Study, resonances: NDArray[np.complex128]) -> list[NDArr
     return groups
 
 
-def own_edges(study: Study, vehicle: Vehicle) -> NDArray[np.float64] | None:
-    """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many."""
-    resonances = poles(vehicle, study.chains)
+def own_edges(study: Study, vehicle: Vehicle, resonances: NDArray[np.complex128]) -> NDArray[np.float64] | None:
+    """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many.
+
+    resonances: the vehicle's poles, rad/s.
+    """
     study = replace(study, vehicle=vehicle)
     if not np.isfinite(resonances).all():
         return None

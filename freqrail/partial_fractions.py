@@ -5,7 +5,7 @@ An element of a chain (see `freqrail.response`) is X(s) = sum of residue_k / (s 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from freqrail.response import BODIES, STAGES, descend
 from freqrail.vehicle import Vehicle, ladder, leg_dynamic_stiffness
+from freqrail.vehicle import poles as eigenvalues
 
 Number = Any
 
@@ -25,6 +26,8 @@ LIGHT = 0.05  # damping ratio below which a pole's real part is computed from th
 FOUND = 1e-9  # relative distance from a pole below which Newton's method has found it
 POLISHING = 12  # steps of Newton's method for those that it has not
 UNCERTAIN = 1e-8  # relative error above which another way to a wheelset's displacement at a pole is looked for
+LOST_BELOW = 1e-9  # of the largest eigenvalue: real parts smaller than this are not taken from eigenvalues
+SURE, SAME = 0.1, 1e-6  # relative error of a real part, and of a product of poles, up to which they count as known
 EPSILON = np.finfo(float).eps
 
 
@@ -146,7 +149,8 @@ class _AtPole:
 
     slope: V'(p). ratios: of each element. real_part: of p, by dissipation. errors: possible relative errors of the
     ratios, slope_error and real_part_error of the others, if p is exact to rounding; off: by how much it is not,
-    relative to it.
+    relative to it. on_the_way: errors of the ratios as the way down alone gives them; shift: how far, relatively, its
+    rounding moves the pole.
     """
 
     slope: NDArray[np.complex128]
@@ -156,6 +160,8 @@ class _AtPole:
     slope_error: NDArray[np.float64]
     real_part_error: NDArray[np.float64]
     off: NDArray[np.float64]
+    on_the_way: dict[str, Number]
+    shift: NDArray[np.float64]
 
 
 def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> _AtPole:
@@ -163,6 +169,7 @@ def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> _AtPole
     masses, legs = ladder(vehicle, chain)
     bodies, stages = BODIES[-len(masses) :], STAGES[-len(legs) :]
     errors, force_errors, track_error = _descent_errors(vehicle, chain, p, ratios, forces)
+    on_the_way = dict(errors)
     _free_wheelset(vehicle, p, (masses, bodies, legs[-1]), ratios, forces["primary"], errors, force_errors["primary"])
     bend = sum(2 * p * m * np.square(ratios[b]) for m, b in zip(masses, bodies, strict=True))
     kinetic = sum(2 * m * np.abs(ratios[b]) ** 2 for m, b in zip(masses, bodies, strict=True))
@@ -185,9 +192,75 @@ def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> _AtPole
             -taken / kinetic,
             errors,
             bend_lost / np.abs(bend) + errors["wheelset"] + 4 * EPSILON,
-            taken_lost / taken + 2 * lost / kinetic + 4 * EPSILON,
+            np.where(taken > 0, taken_lost / taken, 0.0) + 2 * lost / kinetic + 4 * EPSILON,
             (np.abs(track) + track_error) / np.abs(slope * p),
+            on_the_way,
+            track_error / np.abs(slope * p),
         )
+
+
+@dataclass(frozen=True)
+class Resonances:
+    """Poles of a chain as quadrature sees them, rad/s: [..., n], and what rounding makes of responses there.
+
+    known: [..., n], whether its peak surely lies there, as wide as the pole tells. shift: how far rounding moves a
+    peak, relative to its frequency. errors: relative errors of each element beside it, {element: [..., n]}.
+    """
+
+    poles: NDArray[np.complex128]
+    known: NDArray[np.bool_]
+    shift: NDArray[np.float64]
+    errors: dict[str, NDArray[np.float64]]
+
+
+def resonances(vehicle: Vehicle, chain: str, poles: NDArray[np.complex128]) -> Resonances:
+    """`Resonances` at poles [..., n] of a chain, known by their eigenvalues, of a vehicle or a grid of vehicles."""
+    with np.errstate(all="ignore"):
+        found = _at_pole(vehicle.column(), chain, poles)
+        errors = {name: np.broadcast_to(error, poles.shape) for name, error in found.on_the_way.items()}
+    return Resonances(poles, ~sharp(poles), found.shift, errors)
+
+
+def own_resonances(vehicle: Vehicle, chain: str) -> Resonances:
+    """`Resonances` of a single vehicle's chain, polished where eigenvalues lack the digits."""
+    raw = eigenvalues(vehicle, (chain,))
+    if not np.isfinite(raw).all():
+        return Resonances(raw, np.zeros(raw.shape, dtype=bool), np.zeros(raw.shape), {})
+    result = resonances(vehicle, chain, raw)
+    if result.known.all():
+        return result
+    with np.errstate(all="ignore"):
+        coarse, polished = chain_poles(vehicle, chain), modal(vehicle, chain)
+        taken = np.any([residue != 0 for residue in polished.residues.values()], axis=0)
+        every = np.where(taken, polished.poles, coarse)[coarse != -2 * FAR]
+        found = _at_pole(vehicle.column(), chain, every)
+        light = np.abs(every.real) < LIGHT * np.abs(every)
+        sure = np.all(~light | (found.real_part_error < SURE))
+    result = resonances(vehicle, chain, every)
+    known = bool(sure) and _complete(vehicle, chain, every)
+    return replace(result, known=np.full(every.shape, known))
+
+
+def sharp(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Eigenvalues [..., n] whose real parts, the widths of their peaks, may be lost in the rounding of the largest."""
+    largest = np.max(np.where(np.abs(poles) < 2 * FAR, np.abs(poles), 0.0), axis=-1, keepdims=True, initial=0.0)
+    return np.abs(poles.real) < LOST_BELOW * largest
+
+
+def _complete(vehicle: Vehicle, chain: str, poles: NDArray[np.complex128]) -> bool:
+    """Whether poles [n] are those of a chain, each once.
+
+    V(s) is 1 at s = 0, where all bodies move alike, zero at the poles and infinite at the zeros of the legs'
+    stiffnesses: it is the product of (1 - s/p) over the poles by that of (1 - s/z) over those zeros. On the positive
+    axis the way down adds positive terms only; at s = |p| a pole that is not there shows.
+    """
+    s = np.abs(poles[np.abs(poles) < FAR])
+    with np.errstate(all="ignore"):
+        value = descend(vehicle, chain, s, s * s)[0]
+        for stiffness, damping, joint in ladder(vehicle, chain)[1]:
+            value = value * (1.0 + s * damping * (1.0 + stiffness * 2.0 / joint) / stiffness)
+        product = np.prod(1.0 - s[:, None] / poles, axis=-1)
+        return bool(np.all(np.abs(product / value - 1.0) < SAME))
 
 
 def _rounding(found: _AtPole, p: NDArray[np.complex128], light: NDArray[np.bool_]) -> dict[str, NDArray[np.float64]]:

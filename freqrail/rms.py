@@ -75,6 +75,11 @@ PHASE_REACH = 14.0
 CAUTION = 40.0  # of the error estimate: QUADPACK's 200 is for integrands of any kind, these panels follow the poles
 NARROWEST = 1e-13  # no panel is shorter than this fraction of its frequency: rounding begins there
 TINY = 1e-150
+TAIL = 40  # halvings of u = cutoff/omega on the way from 1 to 0
+EPSILON = np.finfo(float).eps
+UNUSUAL = (
+    3e-14  # what rounding leaves of a plausible vehicle at its resonances: covered by 4 EPSILON a unit of sharpness
+)
 RUN, LONGEST_RUN = 16, 1024  # panels that the lag alone cuts are laid so many at a time
 
 TILE, NODES, SPEEDS = 16, 160, 100  # rows of every matrix product, and its most nodes and speeds
@@ -281,19 +286,31 @@ def _add_product(total: NDArray[np.float64], power: NDArray[np.float64], weight:
         total[..., some] += power @ weight[:, some]
 
 
-def rounding(poles: NDArray[np.complex128], limits: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles`, rad/s.
+def rounding(
+    poles: NDArray[np.complex128],
+    limits: NDArray[np.float64],
+    shift: NDArray[np.float64] | float = 0.0,
+    errors: NDArray[np.float64] | float = 0.0,
+) -> NDArray[np.float64]:
+    """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles` [n], rad/s.
 
     Near a resonance the response is a difference of large numbers: rounding over the distance of the band from the
     pole, relative to its frequency (the damping ratio, if the band holds the resonance). In a narrow band the
-    differences of the nodes carry the rounding of their frequencies.
+    differences of the nodes carry the rounding of their frequencies. shift, errors: of each pole, how far rounding
+    moves it and what it leaves of an element there, relatively (`partial_fractions.Resonances`): counted where they
+    are `UNUSUAL`.
     """
-    frequency = np.abs(poles.imag)[:, None]
+    size, frequency = np.abs(poles)[:, None], np.abs(poles.imag)[:, None]
     outside = np.maximum(0.0, np.maximum(limits[0] - frequency, frequency - limits[1]))
+    moved, spoilt = (np.where(~(x <= UNUSUAL), x, 0.0)[..., None] for x in (np.asarray(shift), np.asarray(errors)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        sharpness = np.where(frequency > 0, np.abs(poles)[:, None] / np.hypot(outside, poles.real[:, None]), 0.0)
+        distance = np.hypot(outside, poles.real[:, None])
+        sharpness = np.where(frequency > 0, size / distance, 0.0)
         narrow = np.where(np.isfinite(limits[1]), limits[1] / (limits[1] - limits[0]), 1.0)
-    return ROUNDING + 4 * np.finfo(float).eps * (np.max(sharpness, axis=0, initial=0.0) + narrow)
+        # an element is small, and so its error large, beside the pole only
+        beside = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
+        unusual = np.max(np.where(frequency > 0, moved * size / distance + beside, 0.0), axis=0, initial=0.0)
+    return ROUNDING + 4 * EPSILON * (np.max(sharpness, axis=0, initial=0.0) + narrow) + unusual
 
 
 def truncation_bound(
@@ -306,9 +323,10 @@ def truncation_bound(
     """Upper bound of the mean squares beyond `cutoff` [rad/s], whatever the lags.
 
     Returns {name: [positions, grid..., speeds]}. From |B u_B + P u_P + Q u_Q|^2 <= 3 (|B|^2 + |P|^2 +
-    |Q|^2), integrated over u = cutoff/omega, where the responses beyond the last resonance are smooth.
+    |Q|^2), integrated over u = cutoff/omega on panels each half as long as the one before, because what is overdamped
+    may bend the responses far beyond the last resonance.
     """
-    rule = quadrature(np.array([0.0, 1.0]))
+    rule = quadrature(np.append(0.0, np.exp2(np.arange(-TAIL, 1))))
     omega = cutoff / rule.omega
     density = angular_psd(spectrum, omega[:, None], speed) * (rule.weights * omega / rule.omega)[:, None]
     diagonal = np.array([1, 1, 0, 1, 0, 0, 0]).reshape(-1, 1, 1)
