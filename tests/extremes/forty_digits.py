@@ -85,7 +85,7 @@ def _mean_squares(v, spectrum, speed, band):
     apart = mpf(10) ** -(DIGITS // 2 + 5)
     if fabs(low - high) < apart * high:  # a double pole is two beside it: all is even and smooth in their distance
         low, high = low * (1 - apart), high * (1 + apart)
-    chains = [_chain(v, which) for which in range(3)]
+    chains = [solve_chain(v, which) for which in range(3)]
     lt, lc = v["half_wheelbase"], v["half_bogie_spacing"]
     delays = [mpf(0), 2 * lt / speed, 2 * lc / speed, 2 * (lt + lc) / speed]
     ends = (low * speed, high * speed)
@@ -179,7 +179,7 @@ class _Waves:
             branch = (lambda s: log(s - p)) if p.real <= 0 else (lambda s: log(p - s))
             return (branch(high) - branch(low)) / mpc(0, 1)
         total = exp(p * lag) * (e1((p - low) * lag) - e1((p - high) * lag))
-        if p.real < 0 and low.imag < p.imag < high.imag:
+        if p.real < 0 and low.imag <= p.imag < high.imag:
             total += 2 * pi * mpc(0, 1) * exp(p * lag)  # E_1's cut was crossed
         return total / mpc(0, 1)
 
@@ -191,7 +191,7 @@ def _fractions(chains, members, element, order, density, track, mirrored):
     """
 
     def value(chain, s):
-        return _at(chain.numerators[element], s) * s**order / _at(chain.denominator, s)
+        return evaluate(chain.numerators[element], s) * s**order / evaluate(chain.denominator, s)
 
     ends = {x: [(value(chains[x], -end), value(chains[x], end)) for end, _ in track] for x in members}
     single = {}
@@ -199,7 +199,7 @@ def _fractions(chains, members, element, order, density, track, mirrored):
         for y in members:
             chain = chains[x]
             single[x, y] = [
-                _at(chain.numerators[element], p) * p**order / slope * value(chains[y], -p) * density(p)
+                evaluate(chain.numerators[element], p) * p**order / slope * value(chains[y], -p) * density(p)
                 for p, slope in zip(chain.poles, chain.slopes, strict=True)
             ]
     result = {}
@@ -228,14 +228,14 @@ def _resonates(chain, band):
     return band is None or any(band[0] < p.imag < band[1] for p in chain.poles)
 
 
-def _chain(v, which):
+def solve_chain(v, which):
     """A chain of docs/theory.md as quotients of polynomials, its legs D = a/b with b = 1 + c s/kappa."""
     wheel, contact = v["wheelset_mass"], v["contact_stiffness"]
     if not v["primary_damping"] and (which == BOGIE_PITCH or not v["secondary_damping"]):
         # Poles on the axis would be double ones of |X|^2: a damping far below the last digit parts them.
         tiny = mpf(10) ** -(2 * DIGITS) * sqrt(v["primary_stiffness"] * wheel)
         v = {**v, "primary_damping": tiny, "primary_joint_stiffness": mpf("inf")}
-        return replace(_chain(v, which), damped=False)
+        return replace(solve_chain(v, which), damped=False)
     primary = _leg(v["primary_stiffness"], v["primary_damping"], v["primary_joint_stiffness"])
     if which == BOGIE_PITCH:
         return _two_masses(v["bogie_pitch_inertia"] / (2 * v["half_wheelbase"] ** 2), wheel, primary, contact)
@@ -286,7 +286,7 @@ def _finished(numerators, denominator, damped):
     roots = _roots(denominator)
     derivative = [k * c for k, c in enumerate(denominator)][1:]
     with mp.workdps(2 * mp.dps):
-        slopes = [_at(derivative, p) for p in roots]
+        slopes = [evaluate(derivative, p) for p in roots]
     return Chain(numerators, denominator, roots, slopes, damped)
 
 
@@ -307,7 +307,7 @@ def _product(a, b):
     return result
 
 
-def _at(polynomial, s):
+def evaluate(polynomial, s):
     total = mpf(0)
     for c in reversed(polynomial):
         total = total * s + c
@@ -330,7 +330,7 @@ def _aberth(polynomial, roots, tolerance):
     for _ in range(2000):
         for k in sorted(moving):
             z = roots[k]
-            value, slope = _at(polynomial, z), _at(derivative, z)
+            value, slope = evaluate(polynomial, z), evaluate(derivative, z)
             if not value:
                 moving.discard(k)
                 continue
