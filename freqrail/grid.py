@@ -173,13 +173,20 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
     """Mean squares of one vehicle at every speed with nodes placed for it alone, and denser: [positions, speeds]."""
     vehicle = study.vehicle.at(index)
     found = {chain: own_resonances(vehicle, chain) for chain in study.chains}
+    rounding = lost(study, found)
+    hopeless = {name for name in study.names if not np.any(rounding[name] / 2 <= TOLERANCE)}
+    if hopeless and np.isfinite(every_pole(found)).all():
+        rest = replace(study, names=tuple(name for name in study.names if name not in hopeless))
+        squares = _own_quadrature(rest, index) if rest.names else {}
+        zero = {name: np.zeros((len(SERIES[name].positions), study.speed.size)) for name in hopeless}
+        return squares | {name: rms.MeanSquare(each, each + np.inf) for name, each in zero.items()}
     edges = own_edges(study, vehicle, every_pole(found))
     if edges is None:
         nothing = {k: np.full((len(SERIES[k].positions), study.speed.size), np.nan) for k in study.names}
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     rule = rms.quadrature(edges)
     nodes = rms.weighted_nodes(vehicle, study.spectrum, rule, study.speed, study.limits, OWN_NODES)
-    squares = rms.mean_squares(vehicle, study.names, nodes, lost(study, found))
+    squares = rms.mean_squares(vehicle, study.names, nodes, rounding)
     if np.isinf(study.limits).any():
         beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}

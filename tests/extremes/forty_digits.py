@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from mpmath import e1, exp, fabs, fsum, log, mp, mpc, mpf, pi, sqrt
 
 DIGITS = 40  # that every result keeps
-FIRST, MOST = 80, 5120  # decimal digits of the arithmetic: at first, and at most
+FIRST, FIRST_BAND, MOST = 80, 160, 5120  # decimal digits of the arithmetic: at first (over a band), and at most
 
 Polynomial = list  # of mpf, the constant first
 BOUNCE, PITCH, BOGIE_PITCH = range(3)
@@ -68,7 +68,7 @@ def mean_squares(
     vehicle: names and SI units of the case file's table, floats taken as they are. spectrum: roughness and cut-offs.
     speed: m/s. band: rad/s; None: the whole axis.
     """
-    digits = FIRST
+    digits = FIRST if band is None else max(FIRST, FIRST_BAND)
     while True:
         with mp.workdps(digits):
             try:
