@@ -47,7 +47,7 @@ def sweep(
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
     `<response>_rms_relative_error`, `status` and `method` per grid point, the same with the
     prefix `traditional_` without the joint axes, and with `psd` `<response>_psd` [unit^2/Hz].
-    A value that could not be computed to 1e-6 is NaN with a status other than 0.
+    A value that could not be computed to 1e-6 is NaN, and the status of its point is not 0.
 
     Raises InputError for a bad case, axis, setting or response name. The RMS is the root of the integral
     over the band of |sum_i H_i e^{-i omega tau_i}|^2 S_v(omega/v)/v (eqs. 2 to 7 and 11).

@@ -227,7 +227,7 @@ def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[slice, ...]]:
 
 
 def first_failures(dataset: xr.Dataset) -> list[str]:
-    """One line a model that has points without a result: how many, why, and the first of them."""
+    """One line a model that has points without all results: how many, why, and the first of them."""
     lines = []
     for prefix, words in MODELS.items():
         name = f"{prefix}status"
@@ -248,5 +248,5 @@ def first_failures(dataset: xr.Dataset) -> list[str]:
             f"{np.sum(values == k)} {meaning}" for k, meaning in enumerate(meanings) if k and np.any(values == k)
         )
         at = f"; the first at {where}" if where else ""
-        lines.append(f"{words}: {len(bad)} of {values.size} grid points have no result ({counts}){at}")
+        lines.append(f"{words}: {len(bad)} of {values.size} grid points lack results ({counts}){at}")
     return lines

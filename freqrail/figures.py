@@ -126,7 +126,7 @@ def _all_drawings(dataset: xr.Dataset, at: Point | None) -> dict[str, Callable[[
         return confirmation_figures.drawings(dataset, confirmed_point(dataset, at) if at else None)
     if "status" not in dataset:
         raise InputError("plot: this dataset is no result of `freqrail sweep` (it has no variable status)")
-    if not np.any(dataset["status"] == 0) and not np.any(dataset["traditional_status"] == 0):
+    if not any(np.isfinite(v).any() for k, v in dataset.data_vars.items() if str(k).endswith("_rms")):
         raise InputError(f"plot: no grid point has a result ({'; '.join(first_failures(dataset))})")
     return _drawings(dataset, locate(dataset, at, nearest=True))
 
@@ -335,7 +335,7 @@ def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
 def _caption(
     dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[str] = tuple(MODELS)
 ) -> list[str]:
-    """What a figure keeps fixed, and how many of the points it draws have no result."""
+    """What a figure keeps fixed, and how many of the points it draws lack results."""
     held = {}
     for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in dataset.coords)]):
         if name in where:
@@ -353,7 +353,7 @@ def _caption(
         values = [_drawn(dataset, response, prefix, suffix, where) for response in _stored(dataset, suffix)]
         missing = np.any(np.isnan(values), axis=0)
         if missing.any():
-            lines.append(f"{MODELS[prefix]}: {missing.sum()} of {missing.size} points have no result (gaps)")
+            lines.append(f"{MODELS[prefix]}: {missing.sum()} of {missing.size} points lack results (gaps)")
     return lines
 
 

@@ -7,7 +7,7 @@ columns and heads these in words.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -229,7 +229,7 @@ def result_axes(dataset: xr.Dataset) -> list[Record]:
 def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
     """One grid point as facts to print as JSON and as lines of text.
 
-    Where it is, why it has no result if so, and RMS with and without joints at every position.
+    Where it is, what has no result and why if so, and RMS with and without joints at every position.
     """
     indices = locate(dataset, point)
     facts: Record = {"point": {name: axis_label(dataset, name, i) for name, i in indices.items()}}
@@ -239,7 +239,10 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
         facts[f"{prefix}status"] = str(flags.attrs["flag_meanings"]).split()[status]
         if status:
-            lines.append(f"{words}: no result, status {facts[f'{prefix}status']}")
+            stored = [name for name in RESPONSES if f"{prefix}{name}_rms" in dataset]
+            lacking = [name for name in stored if _lacks(dataset[f"{prefix}{name}_rms"], indices)]
+            of = f" for {', '.join(lacking)}" if lacking != stored else ""
+            lines.append(f"{words}: no result{of}, status {facts[f'{prefix}status']}")
     records: list[Record] = []
     for name, response in RESPONSES.items():
         if f"{name}_rms" not in dataset:
@@ -264,6 +267,12 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
             )
     columns = [column for column in records[0] if column != "variable"]
     return facts | {"numbers": records}, [*lines, table(records, columns)]
+
+
+def _lacks(array: xr.DataArray, indices: Mapping[str, int]) -> bool:
+    """Whether a response lacks a number at a grid point."""
+    at_point = array.isel({k: i for k, i in indices.items() if k in array.dims})
+    return not np.isfinite(at_point.values).all()
 
 
 def result_head(dataset: xr.Dataset) -> str:

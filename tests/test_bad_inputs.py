@@ -503,7 +503,7 @@ def test_a_result_without_a_single_number_is_shown_but_not_plotted(here, capsys)
     assert run([*SWEEP, *undamped, "-o", "nan.nc"]) == 3
     capsys.readouterr()
     assert run(["show", "nan.nc"]) == 0
-    assert "2 of 2 grid points have no result (2 undamped)" in capsys.readouterr().out
+    assert "2 of 2 grid points lack results (2 undamped)" in capsys.readouterr().out
     refuses(["plot", "nan.nc"], 2, "plot: no grid point has a result", capsys)
 
 
@@ -562,7 +562,7 @@ def test_what_cannot_be_computed_is_counted_and_its_first_point_named(row, here,
     axes, settings, status = NUMERICAL[row]
     assert run([*SWEEP, *over(**{"speed": "200, 250 km/h", **axes}), *settings, "-o", "nan.nc"]) == 3
     errors = [line for line in told(capsys) if line.startswith("freqrail: error: ")]
-    assert errors[0].startswith("freqrail: error: nan.nc: model with damper joints: 2 of 2 grid points have no result")
+    assert errors[0].startswith("freqrail: error: nan.nc: model with damper joints: 2 of 2 grid points lack results")
     assert f"(2 {status}); the first at " in errors[0]
     assert "speed=200 km/h" in errors[0]
     result = freqrail.open_result("nan.nc")

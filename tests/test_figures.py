@@ -382,10 +382,10 @@ def with_gaps(dataset):
 def test_points_without_a_result_are_gaps_that_the_caption_counts(result, draw):
     drawn = draw(with_gaps(result))
     figure = drawn["rms-against-speed-primary_joint_stiffness"]
-    note = "model with damper joints: 2 of 6 points have no result (gaps)"
+    note = "model with damper joints: 2 of 6 points lack results (gaps)"
     assert caption(figure).split("\n")[1:] == [
         note,
-        "traditional model, rigid damper joints: 1 of 3 points have no result (gaps)",
+        "traditional model, rigid damper joints: 1 of 3 points lack results (gaps)",
     ]
     soft, stiff = lines(figure.axes[0])
     np.testing.assert_array_equal(np.isnan(soft.get_ydata()), (False, True, True))
@@ -395,7 +395,7 @@ def test_points_without_a_result_are_gaps_that_the_caption_counts(result, draw):
     np.testing.assert_array_equal(chart.axes[0].collections[0].get_array().mask[0], (False, True, True))
     assert caption(chart).split("\n")[1:] == [note]
     whole = draw(result, "rms-against-speed-primary_joint_stiffness")
-    assert "no result" not in caption(whole)
+    assert "lack results" not in caption(whole)
 
 
 def test_a_lone_point_between_gaps_shows_even_on_a_line_too_dense_for_markers(draw):

@@ -19,7 +19,7 @@ import freqrail
 from freqrail.case import Case, build_case
 from freqrail.casefile import shipped_cases
 from freqrail.errors import FreqrailError, FreqrailWarning
-from freqrail.names import PARAMETERS, SWEEPABLE
+from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
 from freqrail.points import parse_point
 from freqrail.summary import case_derived, mode_records, printable
 
@@ -186,12 +186,15 @@ def one(text: str, settings: dict[str, str], over: dict[str, str], point: str, c
     if not compute or math.prod(a.values.size for a in case.axes) > SMALL:
         return "accepted"
     result = freqrail.sweep(case)
-    for name, variable in result.data_vars.items():
-        if name.endswith("_rms"):
-            status = result["traditional_status" if name.startswith("traditional") else "status"]
-            numbers = np.isfinite(variable.values).reshape(*status.shape, -1)
-            assert np.all(numbers.all(axis=-1) == (status.values == 0)), f"{name}: a number without a promise"
-            assert not np.any(variable.values < 0), f"{name}: below 0"
+    for prefix in ("", "traditional_"):
+        status = result[f"{prefix}status"]
+        whole = np.ones(status.shape, dtype=bool)
+        for name in (f"{prefix}{response}_rms" for response in RESPONSES if f"{prefix}{response}_rms" in result):
+            values, errors = result[name].values, result[f"{name}_relative_error"].values
+            whole &= np.isfinite(values).reshape(*status.shape, -1).all(axis=-1)
+            assert np.array_equal(np.isfinite(values), errors <= 1e-6), f"{name}: a number without a promise"
+            assert not np.any(values < 0), f"{name}: below 0"
+        assert np.array_equal(whole, status.values == 0), f"{prefix}status: does not fit the numbers"
     return "computed"
 
 
