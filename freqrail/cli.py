@@ -370,12 +370,11 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, *lines)
         return
     parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
-    tables = [summary.table(records) for records in parts.values() if records]
     hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
     report(
         {"title": dataset.attrs.get("title", ""), **parts},
         as_json,
-        "\n\n".join([summary.result_head(dataset), *tables, hint]),
+        "\n\n".join([summary.result_head(dataset), *summary.result_tables(dataset), hint]),
     )
 
 

@@ -30,8 +30,8 @@ from freqrail.track import Band
 from freqrail.version import __version__
 
 SCHEMA_VERSION = 2
-"""Of the datasets written. 2: spectra in "m2 s-4 Hz-1", before "(m s-2)2 Hz-1"; axes in CF's spelling; scalars, band and
-compliances as coordinates. Datasets of schema 1 are read as well."""
+"""Of the datasets written. 2: spectra in "m2 s-4 Hz-1", before "(m s-2)2 Hz-1"; axes in CF's spelling; scalars, band
+and compliances as coordinates. Datasets of schema 1 are read as well."""
 PIECE = 16_000_000  # bytes of a variable that are read at once while its digest is made
 
 MODELS = {"": "model with damper joints", "traditional_": "traditional model, rigid damper joints"}
@@ -185,7 +185,7 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
         else:
             axis = Axis(name, np.array([quantity.value]), parameter.unit, np.array([quantity.value]), quantity.text)
         for key, (_, values, described) in coordinate(axis).items():
-            found[key] = ((), values[0], described)
+            found[key] = ((), np.array(values[0]), described)
     ends: dict[str, tuple[float, str, str]] = {
         "band_lower_frequency": (0.0, "Hz", "lower limit of the band, frequency"),
         "band_upper_frequency": (math.inf, "Hz", "upper limit of the band, frequency"),
@@ -206,7 +206,7 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
             ),
         }
     for name, (end, unit, meaning) in ends.items():
-        found[name] = ((), np.float64(end), {"long_name": meaning, "units": unit})
+        found[name] = ((), np.array(end), {"long_name": meaning, "units": unit})
     return found
 
 

@@ -278,7 +278,7 @@ def band_note(dataset: xr.Dataset) -> str:
 
 
 def records(dataset: xr.Dataset, point: int) -> list[dict[str, Any]]:
-    """What the table of one point (counted from 0) shows: a row a model and series, in shown units."""
+    """What is told of one point (counted from 0): a row a model and series, in the units of the variables."""
     rows = []
     for m, model in enumerate(map(str, dataset["model"].values)):
         one = dataset.isel(point=point, model=m)
@@ -286,18 +286,19 @@ def records(dataset: xr.Dataset, point: int) -> list[dict[str, Any]]:
         for name in timedomain.RESPONSES:
             response = RESPONSES[name]
             kept = ("frequency_domain", "pooled", "interval_low", "interval_high")
-            values = np.array([one[f"{name}_rms_{key}"].values for key in kept]) * response.shown_scale
+            values = np.array([one[f"{name}_rms_{key}"].values for key in kept])
             for rms, simulated, low, high in values.T.tolist():
                 k = next(series)
                 rows.append(
                     {
                         "model": model,
                         "series": str(dataset["series"].values[k]),
+                        "variable": f"{name}_rms",
                         "RMS": rms,
                         "simulated": simulated,
                         "interval_low": low,
                         "interval_high": high,
-                        "unit": response.shown_unit,
+                        "unit": response.unit,
                         "statistical": _word(one["verdict_statistical"], k),
                         "solver_error": float(one["solver_error"].values[k]),
                         "solver": _word(one["verdict_solver"], k),

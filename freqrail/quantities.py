@@ -92,7 +92,8 @@ def _registry() -> Any:
     except Exception as fault:  # a version that does not go with those beside it raises whatever it hits
         what = " ".join(f"{type(fault).__name__}: {fault}".split())
         raise FileError(
-            f'pint, which reads units, does not run here ({what}); install it anew: pip install --upgrade "pint>=0.24.4"'
+            f"pint, which reads units, does not run here ({what}); install it anew: "
+            'pip install --upgrade "pint>=0.24.4"'
         ) from None
 
 
@@ -116,8 +117,8 @@ def unit_factor(unit: str) -> tuple[Fraction, Any]:
     return Fraction(f"{float(one.magnitude):.14g}" if rounded else one.magnitude), one.units
 
 
-# Units and prefixes, by pint's names, that UDUNITS knows by the same symbol and in the same size. Of many others it does
-# not, or means something else: "kt" is a knot to it, and a kilotonne to pint.
+# Units and prefixes, by pint's names, that UDUNITS knows by the same symbol and in the same size. Of many others it
+# does not, or means something else: "oz" is a mass to pint, and a volume to it.
 _CF_UNITS = {
     **{"meter": "m", "gram": "g", "second": "s", "newton": "N", "hertz": "Hz", "radian": "rad", "degree": "deg"},
     **{"minute": "min", "hour": "h", "metric_ton": "t", "pound": "lb", "foot": "ft", "inch": "in", "mile": "mi"},
