@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 
 from freqrail import confirmation_figures
 from freqrail.case import Case
-from freqrail.casefile import shipped_cases
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.evidence import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
 from freqrail.points import Point, axis_label, axis_unit, confirmed_point, locate, result_case, swept
+from freqrail.shipped import shipped_cases
 from freqrail.storage import open_result
 
 FORMATS = ("png", "svg", "pdf")

@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 
 import freqrail
+from freqrail.cli import run
 from freqrail.dataset import coordinate
 from freqrail.names import PARAMETERS
 from freqrail.quantities import cf_unit, parse_axis, typed_unit, unit_factor
@@ -255,7 +256,7 @@ def test_a_result_of_the_first_schema_is_read_as_ever(tmp_path, capsys):
         tolerance = {"rtol": 1e-9} if not str(name).endswith("_relative_error") else {"atol": 1e-6}
         np.testing.assert_allclose(new[name].values, found[name].values, **tolerance)
     at = f"{PRIMARY}=5 MN/m, {SECONDARY}=5 MN/m, speed=250 km/h, secondary_damping=40 kN*s/m"
-    assert freqrail.cli.run(["show", str(old), "--at", at]) == 0
+    assert run(["show", str(old), "--at", at]) == 0
     assert "secondary_damping = 40 kN*s/m" in capsys.readouterr().out
     assert freqrail.plot(old, tmp_path / "figures")
     renamed = found.assign_attrs(dataset_schema_version=2)
