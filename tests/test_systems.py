@@ -138,6 +138,7 @@ def test_a_broken_pint_is_told_and_no_unit_is_blamed(broken, words, tmp_path):
 
 def test_the_package_tells_type_checkers_that_it_is_typed(tmp_path):
     assert (Path(freqrail.__file__).parent / "py.typed").is_file()
+    pytest.importorskip("mypy")
     user = tmp_path / "user.py"
     user.write_text("import freqrail\nreveal_type(freqrail.load_case('x').speed)\n")
     done = subprocess.run(
