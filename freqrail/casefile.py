@@ -11,13 +11,13 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from freqrail.errors import InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import given
+from freqrail.shipped import shipped_cases
 
 LARGEST_FILE = 1_000_000  # bytes: a case file has two thousand
 CONTACTS = ("contact_constant", "contact_stiffness")
@@ -25,14 +25,6 @@ CONTACTS = ("contact_constant", "contact_stiffness")
 
 # keys of 50 parts such as a.a.a...: no case has them, and tomllib needs memory by the square of their number
 _ENDLESS_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
-
-
-def shipped_cases() -> dict[str, str]:
-    """The cases that come with freqrail: {name: TOML text}."""
-    inside = resources.files("freqrail") / "cases"
-    folder = inside if inside.is_dir() else Path(__file__).parent.parent / "cases"
-    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in files}
 
 
 def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:

@@ -1,13 +1,14 @@
 """The commands. No arithmetic here: a command checks its options, calls one function and prints.
 
 Results go to stdout, messages and progress to stderr. Exit codes: 0 done; 2 bad input; 3 failed grid
-points; 4 input or output; 130 interrupted; 1 only for a bug. Only click is imported at the top, so that
-`freqrail --help` answers at once.
+points; 4 input or output; 130 interrupted; 1 only for a bug. Only click and tables of names are imported at the top,
+so that `freqrail --help` and the completion of names answer at once.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import sys
 import time
@@ -17,6 +18,7 @@ from typing import Any
 
 import click
 
+from freqrail import completion
 from freqrail.errors import InputError, NumericalError
 from freqrail.terminal import count, guarded, program, progress, report
 from freqrail.version import __version__
@@ -38,19 +40,21 @@ class _Assignment(click.ParamType):
         return name, text
 
 
-_CASE = click.argument("case", metavar="CASE")
-_RESULT = click.argument("result", metavar="RESULT.nc")
+_CASE = click.argument("case", metavar="CASE", shell_complete=completion.case)
+_RESULT = click.argument("result", metavar="RESULT.nc", shell_complete=completion.result)
 _SET = click.option(
     "--set",
     "settings",
     type=_Assignment(),
     multiple=True,
+    shell_complete=completion.setting,
     help='Change a scalar: --set "bogie_mass=650 kg", "frequency=0.5:80 Hz" or "band=none".',
 )
 _AT = click.option(
     "--at",
     metavar="POINT",
     multiple=True,
+    shell_complete=completion.point,
     help='A grid point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the '
     "case's own value.",
 )
@@ -74,6 +78,7 @@ def cli() -> None:
     type=_Assignment(),
     metavar="NAME=AXIS",
     multiple=True,
+    shell_complete=completion.axis,
     help='Sweep a quantity: --over "speed=100:300:10 km/h"; also "1, 5, inf MN/m" and "log:1:100:20 MN/m".',
 )
 @_SET
@@ -81,6 +86,7 @@ def cli() -> None:
     "--responses",
     default="paper",
     show_default=True,
+    shell_complete=completion.responses,
     help="paper, all, or names of responses, such as bogie_acceleration,primary_stroke.",
 )
 @click.option("--psd", is_flag=True, help="Store spectra too.")
@@ -316,7 +322,7 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument("what", metavar="CASE|RESULT.nc")
+@click.argument("what", metavar="CASE|RESULT.nc", shell_complete=completion.case_or_result)
 @_AT
 @_SET
 @click.option("--check", is_flag=True, help="Only check that a file is a whole result; safe for any file.")
@@ -370,12 +376,11 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, *lines)
         return
     parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
-    tables = [summary.table(records) for records in parts.values() if records]
     hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
     report(
         {"title": dataset.attrs.get("title", ""), **parts},
         as_json,
-        "\n\n".join([summary.result_head(dataset), *tables, hint]),
+        "\n\n".join([summary.result_head(dataset), *summary.result_tables(dataset), hint]),
     )
 
 
@@ -394,13 +399,13 @@ def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None
 
 
 @cli.command()
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=completion.shipped)
 @_JSON
 def cases(name: str | None, as_json: bool) -> None:
     """List the cases that come with freqrail, or print the one called NAME."""
     from freqrail.case import build_case
-    from freqrail.casefile import shipped_cases
     from freqrail.names import suggestion
+    from freqrail.shipped import shipped_cases
 
     shipped = shipped_cases()
     if name is None:
@@ -454,4 +459,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if os.environ.get("_FREQRAIL_COMPLETE"):
+        cli.main(args=given, prog_name="freqrail")  # the shell asks what to offer: click answers and exits
     return guarded(lambda: cli.main(args=given, prog_name="freqrail", standalone_mode=False, obj=given))

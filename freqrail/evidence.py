@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import timedomain, verdicts
-from freqrail.dataset import attributes, content_digest, coordinate, flags
+from freqrail.dataset import attributes, content_digest, coordinate, flags, scalar_coordinates, whole
 from freqrail.findings import CHECKS, series_labels, series_of
 from freqrail.names import DIMENSIONS, RESPONSES
 from freqrail.plan import band_text
@@ -295,8 +295,9 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         ),
     }
     for name in swept(run.dataset):
-        _, values, described = coordinate(grid_axis(run.dataset, name))
-        coordinates[name] = ("point", values[[index[name] for index in run.indices]], described)
+        for key, (_, values, described) in coordinate(grid_axis(run.dataset, name)).items():
+            coordinates[key] = ("point", values[[index[name] for index in run.indices]], described)
+    coordinates |= scalar_coordinates(run.case, run.band)
     used = {RESPONSES[name].dimension for name in run.names} | {"axle"}
     for dimension in (dimension for dimension in DIMENSIONS if dimension in used):
         long_name, labels = DIMENSIONS[dimension]
@@ -318,8 +319,8 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         "result_content_digest": content_digest(run.dataset),
         "result_band": str(run.dataset.attrs["band"]),
         "band": band_text(run.band),
-        "seed": np.int64(plan.seed),
-        "realisations": np.int64(plan.realisations),
+        "seed": whole(plan.seed),
+        "realisations": whole(plan.realisations),
         "duration_s": plan.period,
         "integrator": "; ".join(f"{model}: {timedomain.integrator_of(plan, model)}" for model in MODELS),
         "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, smaller where a mode in the band is damped by less "

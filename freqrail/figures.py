@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 
 from freqrail import confirmation_figures
 from freqrail.case import Case
-from freqrail.casefile import shipped_cases
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.findings import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
-from freqrail.points import Point, axis_label, confirmed_point, locate, result_case, swept
+from freqrail.points import Point, axis_label, axis_unit, confirmed_point, locate, result_case, swept
+from freqrail.shipped import shipped_cases
 from freqrail.storage import open_result
 
 FORMATS = ("png", "svg", "pdf")
@@ -309,8 +309,7 @@ def _value(dataset: xr.Dataset, name: str, index: int) -> str:
 
 def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
     """Label an axis with name, symbol and unit; that of a joint stiffness is logarithmic."""
-    attributes = dataset[name].attrs
-    unit = _pretty(str(attributes.get("units", attributes.get("user_units"))))
+    unit = _pretty(axis_unit(dataset, name))
     axis = ax.xaxis if which == "x" else ax.yaxis
     axis.set_label_text(f"{name.replace('_', ' ')} {_symbol(name)} [{unit}]")
     if name in JOINTS:
@@ -337,11 +336,12 @@ def _caption(
 ) -> list[str]:
     """What a figure keeps fixed, and how many of the points it draws lack results."""
     held = {}
-    for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in dataset.coords)]):
+    swept_once = {axis.name for axis in case.axes} & {*map(str, dataset.coords)}
+    for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in swept_once)]):
         if name in where:
             if np.ndim(where[name]) == 0:
                 held[name] = _value(dataset, name, int(where[name]))
-        elif name in dataset.coords:  # a slice that the caller has cut out of the result
+        elif name in swept_once:  # a slice that the caller has cut out of the result
             held[name] = _value(dataset[[name]].expand_dims(name), name, 0)
         else:
             quantity = case.quantities[name]

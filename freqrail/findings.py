@@ -178,7 +178,7 @@ def shared(dataset: xr.Dataset, point: int) -> dict[str, Any]:
 
 
 def records(dataset: xr.Dataset, point: int) -> list[dict[str, Any]]:
-    """What is told of one point (counted from 0): a row a model and series, in shown units."""
+    """What is told of one point (counted from 0): a row a model and series, in the units of the variables."""
     rows = []
     labels = [str(label) for label in dataset["series"].values]
     differences = {"solver": "solver_error"} | {
@@ -189,18 +189,19 @@ def records(dataset: xr.Dataset, point: int) -> list[dict[str, Any]]:
         for name, part in series_of(confirmed_names(dataset)).items():
             response = RESPONSES[name]
             kept = ("frequency_domain", "pooled", "interval_low", "interval_high")
-            values = np.array([np.atleast_1d(one[f"{name}_rms_{key}"].values) for key in kept]) * response.shown_scale
+            values = np.array([np.atleast_1d(one[f"{name}_rms_{key}"].values) for key in kept])
             for k, (rms, simulated, low, high) in zip(range(part.start, part.stop), values.T.tolist(), strict=True):
                 words = {check: _word(one[f"verdict_{check}"], k) for check in checks_of(dataset) if check != "track"}
                 rows.append(
                     {
                         "model": model,
                         "series": labels[k],
+                        "variable": f"{name}_rms",
                         "RMS": rms,
                         "simulated": simulated,
                         "interval_low": low,
                         "interval_high": high,
-                        "unit": response.shown_unit,
+                        "unit": response.unit,
                         "half_width_percent": 100 * float(one["half_width"].values[k]),
                         **{f"{check}_differs": float(one[key].values[k]) for check, key in differences.items()},
                         **words,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -180,6 +181,11 @@ SWEEPABLE: tuple[str, ...] = tuple(p.name for p in PARAMETERS.values() if p.sect
 JOINTS = ("primary_joint_stiffness", "secondary_joint_stiffness")
 """The axes that the traditional model lacks."""
 
+COMPLIANCES = {joint: joint.replace("stiffness", "compliance") for joint in JOINTS}
+"""The reciprocal of a joint's stiffness, finite where the joint is rigid: a coordinate of results."""
+
+COMPLIANCE_UNIT = "mm kN-1"  # so that the number is the reciprocal of that in MN/m
+
 
 @dataclass(frozen=True)
 class Response:
@@ -202,8 +208,10 @@ class Response:
 
     @property
     def psd_unit(self) -> str:
-        """Unit of the one-sided PSD, as UDUNITS parses it."""
-        return f"({self.unit})2 Hz-1"
+        """Unit of the one-sided PSD, as UDUNITS and pint parse it: "m2 s-4 Hz-1" for "m s-2"."""
+        factors = [re.fullmatch(r"([A-Za-z]+)(-?\d*)", part) for part in self.unit.split()]
+        squared = [f"{factor[1]}{2 * int(factor[2] or 1)}" for factor in factors if factor]
+        return " ".join([*squared, "Hz-1"])
 
 
 CAR_POSITIONS = ("front", "centre", "rear")

@@ -8,12 +8,11 @@ read checks that digest. One thread of one process touches NetCDF: the library i
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import math
 import os
 import shutil
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest
+from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest, named_coordinates, narrowed
 from freqrail.errors import FileError, InputError
 from freqrail.quantities import given, shown_bytes
 from freqrail.schema import faults
@@ -83,27 +82,26 @@ def lock(target: Path) -> Iterator[None]:
 
     Raises FileError if another run holds it.
     """
+    from filelock import FileLock, Timeout, UnixFileLock  # only where something is written
+
     path = target.with_name(f".{target.name}.lock")
-    while True:
-        try:
-            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-        except OSError as fault:
-            raise FileError(f"{path}: cannot be written: {fault.strerror}") from None
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(handle)
-            raise FileError(
-                f"{target}: another run of freqrail is writing this file; wait for it, or name another with -o"
-            ) from None
-        if path.exists() and os.path.samestat(os.fstat(handle), path.stat()):
-            break
-        os.close(handle)  # its last holder removed it between our opening and locking it
+    held = FileLock(path, timeout=0)
+    try:
+        held.acquire()
+    except Timeout:
+        raise FileError(
+            f"{target}: another run of freqrail is writing this file; wait for it, or name another with -o"
+        ) from None
+    except OSError as fault:
+        raise FileError(f"{path}: cannot be written: {fault.strerror}") from None
     try:
         yield
     finally:
-        path.unlink(missing_ok=True)
-        os.close(handle)
+        # The library leaves the file of such a lock: it goes while the lock is held, and a lock on a file that has
+        # gone is none to the library. Elsewhere the file is the library's to remove, or nobody's.
+        if isinstance(held, UnixFileLock):
+            path.unlink(missing_ok=True)
+        held.release()
 
 
 Part = tuple[tuple[slice, ...], Mapping[str, NDArray]]
@@ -120,7 +118,7 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
     temporary = target.with_name(f".{target.name}.partial")
     size = sum(math.prod(v.shape) * v.dtype.itemsize for v in variables.values())
     try:
-        unsigned = skeleton.assign_attrs(content_digest="0" * 64)
+        unsigned = skeleton.assign_attrs(narrowed(skeleton.attrs) | {"content_digest": "0" * 64})
         unsigned.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_encoding(skeleton))
         written = []
         with _small_cache(), netCDF4.Dataset(temporary, "a") as raw:
@@ -128,9 +126,11 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
             for place, values in parts:
                 for name, numbers in values.items():
                     if name not in raw.variables:
-                        _create(raw, name, variables[name], numbers.shape)
+                        coordinates = named_coordinates(skeleton, name, variables[name].dims)
+                        _create(raw, name, variables[name], numbers.shape, coordinates)
                     raw.variables[name][place or ...] = numbers
                     written.append((name, place, _checksum(numbers)))
+            _drop_global_coordinates(raw)
         with _small_cache(), netCDF4.Dataset(temporary) as raw:
             raw.set_auto_maskandscale(False)
             for name, place, checksum in written:
@@ -145,7 +145,7 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
                 raise OSError("the digest was not written; is the disk full?")
         _flush(temporary)
         os.replace(temporary, target)
-        _flush(target.parent)
+        _flush_folder(target.parent)
     except (OSError, RuntimeError, InputError) as fault:
         temporary.unlink(missing_ok=True)
         full = shutil.disk_usage(target.parent).free < 2 * size  # the library does not say so
@@ -172,7 +172,16 @@ def _checksum(numbers: NDArray) -> int:
     return zlib.crc32(np.ascontiguousarray(numbers).tobytes())
 
 
-def _create(raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int, ...]) -> None:
+def _drop_global_coordinates(raw: netCDF4.Dataset) -> None:
+    """Take away the attribute in which xarray names coordinates of no variable, once variables name all of them."""
+    named = {name for variable in raw.variables.values() for name in getattr(variable, "coordinates", "").split()}
+    if "coordinates" in raw.ncattrs() and set(raw.coordinates.split()) <= named:
+        raw.delncattr("coordinates")
+
+
+def _create(
+    raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int, ...], coordinates: Sequence[str]
+) -> None:
     """A variable in an open file, stored with checksums in chunks that a part of this shape fills."""
     for dimension, size in zip(variable.dims, variable.shape, strict=True):
         if dimension not in raw.dimensions:
@@ -192,7 +201,7 @@ def _create(raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int
         fill_value=np.nan if variable.dtype.kind == "f" else False,
     )
     created.set_auto_maskandscale(False)
-    created.setncatts(variable.attributes)
+    created.setncatts(narrowed(variable.attributes) | ({"coordinates": " ".join(coordinates)} if coordinates else {}))
 
 
 def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -300,8 +309,15 @@ def _encoding(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
 
 
 def _flush(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
+    """Have the system write a file, or the entries of a folder, to the disk."""
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes what may be written only
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _flush_folder(path: Path) -> None:
+    """The same for a folder, where the system can: Windows opens no folder."""
+    with contextlib.suppress(PermissionError):
+        _flush(path)

@@ -1,7 +1,7 @@
 """What the terminal shows of a case, its modes and a result: plain records, and tables made of them.
 
-Records are dicts that `--json` prints as they are, so their keys are plain identifiers; `table` sets them in
-columns and heads these in words.
+Records are dicts that `--json` prints as they are, so their keys are plain identifiers and the numbers of a response
+are in its variable's unit; `in_shown_units` makes records for people of them, `table` sets these in headed columns.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from freqrail import findings
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
 from freqrail.modal import modes
-from freqrail.names import PARAMETERS, RESPONSES
+from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
 from freqrail.plan import band_text
-from freqrail.points import Point, axis_label, confirmed_point, locate, swept
+from freqrail.points import Point, axis_label, axis_unit, confirmed_point, locate, swept
 from freqrail.quantities import shown_value
 from freqrail.track import band_limits, standard_deviation
 from freqrail.vehicle import static_wheel_load
@@ -181,6 +181,19 @@ def mode_records(case: Case) -> list[Record]:
     return records
 
 
+_IN_RESPONSE_UNITS = ("RMS", "rigid_joints", "smallest", "largest", "simulated", "interval_low", "interval_high")
+
+
+def in_shown_units(records: Sequence[Record]) -> list[Record]:
+    """Records of a result's variables as people read them: in mm rather than m, and without the variable's name."""
+    shown = []
+    for record in records:
+        response = RESPONSES[record["variable"].removeprefix("traditional_").removesuffix("_rms")]
+        scaled = {key: record[key] * response.shown_scale for key in _IN_RESPONSE_UNITS if key in record}
+        shown.append({k: v for k, v in record.items() if k != "variable"} | scaled | {"unit": response.shown_unit})
+    return shown
+
+
 # --- a result --------------------------------------------------------------------------------------
 
 
@@ -196,11 +209,12 @@ def result_ranges(dataset: xr.Dataset) -> list[Record]:
             has = np.isfinite(values)
             records.append(
                 {
+                    "variable": variable,
                     "response": response.long_name,
                     "model": words.split(",")[0].replace("model with damper joints", "joints").split(" ")[0],
-                    "smallest": float(values[has].min()) * response.shown_scale if has.any() else math.nan,
-                    "largest": float(values[has].max()) * response.shown_scale if has.any() else math.nan,
-                    "unit": response.shown_unit,
+                    "smallest": float(values[has].min()) if has.any() else math.nan,
+                    "largest": float(values[has].max()) if has.any() else math.nan,
+                    "unit": response.unit,
                     "largest_error": float(error[has].max()) if has.any() else math.nan,
                 }
             )
@@ -214,16 +228,27 @@ def largest_error(dataset: xr.Dataset) -> float:
 
 
 def result_axes(dataset: xr.Dataset) -> list[Record]:
-    """The swept parameters of a result: name, number of values, first and last."""
+    """The swept parameters of a result: name, number of values, first, last, unit."""
     return [
         {
             "axis": name,
             "values": int(dataset.sizes[name]),
-            "first": axis_label(dataset, name, 0),
-            "last": axis_label(dataset, name, -1),
+            "first": float(dataset[name].values[0]),
+            "last": float(dataset[name].values[-1]),
+            "unit": axis_unit(dataset, name),
         }
         for name in swept(dataset)
     ]
+
+
+def result_tables(dataset: xr.Dataset) -> list[str]:
+    """The axes and the ranges of a result as tables."""
+    axes = [
+        {k: axis[k] for k in ("axis", "values")}
+        | {end: axis_label(dataset, axis["axis"], at) for end, at in (("first", 0), ("last", -1))}
+        for axis in result_axes(dataset)
+    ]
+    return [table(records) for records in (axes, in_shown_units(result_ranges(dataset))) if records]
 
 
 def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
@@ -232,8 +257,11 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
     Where it is, what has no result and why if so, and RMS with and without joints at every position.
     """
     indices = locate(dataset, point)
-    facts: Record = {"point": {name: axis_label(dataset, name, i) for name, i in indices.items()}}
-    lines = [", ".join(f"{name} = {label}" for name, label in facts["point"].items())]
+    facts: Record = {
+        "point": {name: float(dataset[name].values[i]) for name, i in indices.items()},
+        "units": {name: axis_unit(dataset, name) for name in indices},
+    }
+    lines = [", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())]
     for prefix, words in MODELS.items():
         flags = dataset[f"{prefix}status"]
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
@@ -258,15 +286,14 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
                     "variable": f"{name}_rms",
                     "response": response.long_name,
                     "at": str(label) if response.dimension != "axle" else f"axle {label}",
-                    "RMS": joint * response.shown_scale,
-                    "rigid_joints": rigid * response.shown_scale,
-                    "unit": response.shown_unit,
+                    "RMS": joint,
+                    "rigid_joints": rigid,
+                    "unit": response.unit,
                     "difference_percent": 100 * (joint / rigid - 1),
                     "relative_error": error,
                 }
             )
-    columns = [column for column in records[0] if column != "variable"]
-    return facts | {"numbers": records}, [*lines, table(records, columns)]
+    return facts | {"numbers": records}, [*lines, table(in_shown_units(records))]
 
 
 def _lacks(array: xr.DataArray, indices: Mapping[str, int]) -> bool:
@@ -310,7 +337,7 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     lines = [printable(line) for line in head]
     for where, numbers in tables.items():
         columns = [column for column in findings.TABLE if column in numbers[0]]
-        lines += ["", printable(where), table(numbers, columns), _shared_text(shared[where])]
+        lines += ["", printable(where), table(in_shown_units(numbers), columns), _shared_text(shared[where])]
     lines += [
         "",
         "verdict: simulated RMS inside the interval that holds for all checks together with "
@@ -329,12 +356,17 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     else:
         words = f"{total} checks: all stand"
     lines += [words, *(f"  {line}" for line in missing)]
+    axes = [str(name) for name in dataset.coords if name in SWEEPABLE and dataset[name].dims == ("point",)]
     facts = {
         "title": head[0],
         "conditions": head[1],
         "points": tables,
         "shared": shared,
         "power": power,
+        "axes": {
+            str(dataset["place"].values[i]): {name: float(dataset[name].values[i]) for name in axes} for i in chosen
+        },
+        "units": {name: axis_unit(dataset, name) for name in axes},
         "problems": faults,
         "not_checked": missing,
     }

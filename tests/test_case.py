@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 import freqrail
 from freqrail import case as case_module
 from freqrail.case import Case, build_case, load_case
-from freqrail.casefile import shipped_cases, to_toml
+from freqrail.casefile import to_toml
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE
+from freqrail.shipped import shipped_cases
 from freqrail.track import Band, RationalSpectrum
 
 ROOT = Path(__file__).parent.parent

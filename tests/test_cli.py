@@ -66,9 +66,7 @@ def test_a_case_file_and_its_shipped_name_are_the_same_study(here):
 
 def test_the_command_and_the_function_give_the_same_numbers(result):
     over = {"speed": "200, 250 km/h", "primary_joint_stiffness": "1, 5 MN/m"}
-    xr.testing.assert_identical(
-        freqrail.sweep("yu-damper-joint", over).drop_attrs(), freqrail.open_result(result).drop_attrs()
-    )
+    xr.testing.assert_equal(freqrail.sweep("yu-damper-joint", over), freqrail.open_result(result))
 
 
 def test_json_holds_the_facts_of_the_run(here, capsys):
@@ -125,7 +123,27 @@ def test_show_prints_the_eleven_numbers_of_a_point(result, capsys):
     stored = freqrail.open_result(result)
     point = {"speed": 250, "primary_joint_stiffness": 5, "secondary_joint_stiffness": 5}
     assert shown["numbers"][3]["RMS"] == float(stored.bogie_acceleration_rms.sel(**point, bogie="front"))
-    assert shown["numbers"][5]["RMS"] == 1e3 * float(stored.secondary_stroke_rms.sel(**point, bogie="front"))
+    assert shown["numbers"][5]["RMS"] == float(stored.secondary_stroke_rms.sel(**point, bogie="front"))
+    assert (shown["numbers"][3]["unit"], shown["numbers"][5]["unit"]) == ("m s-2", "m")
+    assert shown["point"] == point
+    assert shown["units"] == {"speed": "km/h", "primary_joint_stiffness": "MN/m", "secondary_joint_stiffness": "MN/m"}
+
+
+def test_json_and_the_table_tell_the_same_numbers_each_in_its_unit(result, capsys):
+    """Programs get what the variables hold, people millimetres."""
+    assert run(["show", str(result), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["axes"][2] == {"axis": "speed", "values": 2, "first": 200.0, "last": 250.0, "unit": "km/h"}
+    stored = freqrail.open_result(result)
+    for record in facts["ranges"]:
+        assert record["largest"] == float(stored[record["variable"]].max())
+        assert record["unit"] == stored[record["variable"]].attrs["units"]
+    assert run(["show", str(result)]) == 0
+    shown = capsys.readouterr().out
+    stroke = next(record for record in facts["ranges"] if record["variable"] == "secondary_stroke_rms")
+    (row,) = (line for line in shown.splitlines() if line.startswith("secondary suspension vertical stroke  joints"))
+    assert row.split()[-3:-1] == [f"{1e3 * stroke['largest']:.4g}", "mm"]
+    assert "200 km/h" in shown
 
 
 def test_show_off_the_grid_names_the_nearest_point(result, capsys):
@@ -225,7 +243,8 @@ def test_json_of_a_point_says_where_and_why(here, capsys):
     capsys.readouterr()
     assert run(["show", "u.nc", "--at", "primary_damping=0 kN*s/m", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["point"]["primary_damping"] == "0 kN*s/m"
+    assert facts["point"]["primary_damping"] == 0
+    assert facts["units"]["primary_damping"] == "kN*s/m"
     assert (facts["status"], facts["traditional_status"]) == ("undamped", "undamped")
     assert {record["RMS"] for record in facts["numbers"]} == {None}
     assert run(["show", "u.nc", "--at", "primary_damping=17 kN*s/m"]) == 0

@@ -17,10 +17,10 @@ import pint
 
 import freqrail
 from freqrail.case import Case, build_case
-from freqrail.casefile import shipped_cases
 from freqrail.errors import FreqrailError, FreqrailWarning
 from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
 from freqrail.points import parse_point
+from freqrail.shipped import shipped_cases
 from freqrail.summary import case_derived, mode_records, printable
 
 SECONDS = 10  # that one input may take
