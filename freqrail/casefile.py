@@ -15,6 +15,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from freqrail import files
 from freqrail.errors import InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import given
@@ -31,8 +32,8 @@ def shipped_cases() -> dict[str, str]:
     """The cases that come with freqrail: {name: TOML text}."""
     inside = resources.files("freqrail") / "cases"
     folder = inside if inside.is_dir() else Path(__file__).parent.parent / "cases"
-    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in files}
+    found = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in found}
 
 
 def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
@@ -43,7 +44,7 @@ def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
     wanted = str(case)
     try:
         if path.is_file():
-            return path.stem, wanted, _read(path)
+            return os.fsencode(path.stem).decode("utf-8", "replace"), wanted, _read(path)
         exists, folder = path.exists(), path.is_dir()
     except (OSError, ValueError) as fault:
         words = getattr(fault, "strerror", None) or fault
@@ -62,7 +63,7 @@ def _read(path: Path) -> str:
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise InputError(f"{path}: too large for a case file (got {size} bytes, limit {LARGEST_FILE})")
-        data = path.read_bytes()
+        data = files.read(path)
     except OSError as fault:
         raise InputError(f"{path}: cannot be read: {fault.strerror}") from None
     if data.startswith((b"\x89HDF", b"CDF")):

@@ -69,6 +69,11 @@ class Axis:
     text: str
 
 
+def printable(text: str) -> str:
+    """Text with its control characters escaped, so that none reaches a terminal or a figure; lines stay lines."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
 def given(value: object) -> str:
     """What the user gave, short enough for a message: (got "5 kN*s/m") or (got 5)."""
     try:
