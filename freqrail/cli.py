@@ -121,9 +121,9 @@ def sweep(
     from freqrail.storage import check_target
     from freqrail.summary import number
 
-    if dask and jobs:
+    if dask is not None and jobs:
         raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
-    if dask:
+    if dask is not None:
         from freqrail import cluster
 
         executor = cluster.executor(dask)
