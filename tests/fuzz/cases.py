@@ -65,6 +65,7 @@ NUMBERS += (
     "1e15",
     "7e-9",
 )
+NUMBERS += ("1e-300", "1e300", "1e-9", "1e9")
 UNITS = ("kg", "t", "kg*m^2", "N/m", "kN/m", "MN/m", "mN/m", "GN/m", "N*s/m", "kN*s/m", "km/h", "m/s", "m", "mm", "Hz")
 UNITS += ("rad/m", "m^2*rad/m", "m/N^(2/3)", "", "kX", "ton", "dB", "degC", "m^9^9", "(m", "5 m", "lbf/inch", "µm", "%")
 AXES = ("{0}:{1}:{2} {u}", "{0}, {1}, {2} {u}", "lin:{0}:{1}:{2} {u}", "log:{0}:{1}:{2} {u}", "{0} {u}", "{0}:{1} {u}")
@@ -93,6 +94,7 @@ TOKENS = (
     "é",
     "\u2028",
 )
+TOKENS += ("\ufffe", "\uffff", "\U0001fffe", "\x0b", "\udcff")
 TOKENS += (
     ".",
     ",",

@@ -1,4 +1,4 @@
-"""Vehicles, tracks, speeds and bands from anywhere in the ranges of the table of names: every run ends, with a status."""
+"""Vehicles, tracks, speeds and bands from anywhere in the ranges of the table of names: every run ends with a status."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def limited() -> Iterator[None]:
 
 
 def one(settings: dict[str, str], over: dict[str, str]) -> str:
-    """The outcome of one point; raises for a fault. Refused is a wheelbase beyond the spacing, or a band of no width."""
+    """The outcome of one point; raises for a fault. Refused are wheelbases beyond the spacing, bands of no width."""
     try:
         case = build_case(SHIPPED, settings, over, file="F")
     except FreqrailError as refusal:
