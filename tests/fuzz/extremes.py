@@ -1,4 +1,4 @@
-"""Vehicles, tracks, speeds and bands from anywhere in the ranges of the table of names: every run ends with a status."""
+"""Vehicles, tracks, speeds and bands from anywhere in the ranges of the table of names: all end with a status."""
 
 from __future__ import annotations
 
