@@ -7,6 +7,7 @@ and bounds come from `freqrail.names`.
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Callable, Mapping
@@ -40,6 +41,7 @@ from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, Band, RationalSpect
 from freqrail.validation import cross_checks, keys, model, problems_of, readable, readable_points
 from freqrail.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 
+LARGEST_GRID = 2**63  # points, and with spectra points times frequencies: the library's indices end there
 SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is probably a slip of the unit
 
 
@@ -164,6 +166,7 @@ def build_case(
     axes = tuple(sweep.values())
     problems += cross_checks(tables, file, where)
     problems += _geometry_problems(quantities, axes, where)
+    problems += _size_problems((*axes, *([frequency] if frequency else ())), where)
     if not (settings or over or stray_points):
         problems += _point_problems(points, quantities, axes, file)
     if checked is None or problems:
@@ -213,6 +216,17 @@ def _geometry_problems(
     return [
         f"{where('vehicle', 'half_bogie_spacing')}: must exceed half_wheelbase everywhere on the grid "
         f"(got {spacing[0]:g} m and {wheelbase[1]:g} m)"
+    ]
+
+
+def _size_problems(axes: tuple[Axis, ...], where: Callable[..., str]) -> list[str]:
+    points = math.prod(axis.values.size for axis in axes)
+    if points < LARGEST_GRID:
+        return []
+    longest = max(axes, key=lambda axis: axis.values.size)
+    return [
+        f"{where('sweep', longest.name)}: the axes span {points:.3g} points, more than can be counted (limit "
+        f"{LARGEST_GRID:.3g}); use fewer values"
     ]
 
 

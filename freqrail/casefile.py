@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from freqrail import files
 from freqrail.errors import InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import given
@@ -35,7 +36,7 @@ def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
     wanted = str(case)
     try:
         if path.is_file():
-            return path.stem, wanted, _read(path)
+            return os.fsencode(path.stem).decode("utf-8", "replace"), wanted, _read(path)
         exists, folder = path.exists(), path.is_dir()
     except (OSError, ValueError) as fault:
         words = getattr(fault, "strerror", None) or fault
@@ -54,7 +55,7 @@ def _read(path: Path) -> str:
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise InputError(f"{path}: too large for a case file (got {size} bytes, limit {LARGEST_FILE})")
-        data = path.read_bytes()
+        data = files.read(path)
     except OSError as fault:
         raise InputError(f"{path}: cannot be read: {fault.strerror}") from None
     if data.startswith((b"\x89HDF", b"CDF")):

@@ -20,7 +20,8 @@ import click
 
 from freqrail import completion
 from freqrail.errors import InputError, NumericalError
-from freqrail.terminal import count, guarded, program, progress, report
+from freqrail.process import check_memory_limit, is_out_of_memory, prepare_matplotlib, take_over
+from freqrail.terminal import count, guarded, program, progress, report, tell
 from freqrail.version import __version__
 
 PLOT_FORMATS = ("png", "svg", "pdf")
@@ -68,6 +69,7 @@ def cli() -> None:
 
     CASE is a case file, or the name of a case that comes with freqrail (see `freqrail cases`).
     """
+    check_memory_limit()
 
 
 @cli.command()
@@ -125,9 +127,9 @@ def sweep(
     from freqrail.storage import check_target
     from freqrail.summary import number
 
-    if dask and jobs:
+    if dask is not None and jobs:
         raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
-    if dask:
+    if dask is not None:
         from freqrail import cluster
 
         executor = cluster.executor(dask)
@@ -158,11 +160,11 @@ def sweep(
     try:
         with progress("sweep", plan.work) as advance:
             outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
-    except KeyboardInterrupt:
-        if journal_path(target).exists():
+    except (KeyboardInterrupt, MemoryError, RuntimeError) as stop:
+        if journal_path(target).exists() and (isinstance(stop, KeyboardInterrupt) or is_out_of_memory(stop)):
             given = click.get_current_context().obj
             again = shlex.join([*given, *(["--resume"] if "--resume" not in given else [])])
-            click.echo(f"freqrail: finished blocks are kept; to go on: {program()} {again}", err=True)
+            tell(f"freqrail: finished blocks are kept; to go on: {program()} {again}")
         raise
     elapsed = time.perf_counter() - start
     failures = list(outcome.failures)
@@ -238,10 +240,9 @@ def confirm(
     wanted = Path(result).with_name(f"{Path(result).stem}-confirmation.nc") if output is None else output
     target = check_target(wanted, overwrite, (result,), run.stored_bytes)
     needed = check_cost(run, max_time, jobs)
-    click.echo(
+    tell(
         f"freqrail: {count(len(run.points), 'point')}, {number(run.simulated_seconds, 3)} simulated seconds with "
-        f"{integrator}, about {number(needed, 2)} s",
-        err=True,
+        f"{integrator}, about {number(needed, 2)} s"
     )
     begin = time.perf_counter()
     with progress("simulated seconds", math.ceil(run.simulated_seconds)) as advance:
@@ -276,6 +277,7 @@ def confirm(
 @_AT
 def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
     """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
+    prepare_matplotlib()
     from freqrail import figures
     from freqrail.storage import open_result
 
@@ -287,7 +289,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     click.echo("\n".join(map(str, paths)))
     hint = figures.hint(dataset)
     if hint:
-        click.echo(f"freqrail: {hint}", err=True)
+        tell(f"freqrail: {hint}")
 
 
 @cli.command()
@@ -298,6 +300,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 @_JSON
 def replicate(quick: bool, output: str | None, as_json: bool) -> None:
     """Redo the paper's study and judge its claims: datasets, figures and a report."""
+    prepare_matplotlib()
     from freqrail.replication import folder
     from freqrail.replication.judging import plural
 
@@ -444,15 +447,17 @@ def _is_result(what: str) -> bool:
     """Whether an argument means a result file rather than a case."""
     if what.endswith(".nc"):
         return True
+    from freqrail.files import read
+
     try:
-        with open(what, "rb") as stream:
-            return stream.read(4) in (b"\x89HDF", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+        return read(what, 4) in (b"\x89HDF", b"CDF\x01", b"CDF\x02", b"CDF\x05")
     except (OSError, ValueError):
         return False
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code; every fault is a line on stderr, never a traceback."""
+    take_over()
     sys.exit(run(arguments))
 
 

@@ -26,13 +26,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from freqrail import confirmation_figures
+from freqrail import confirmation_figures, files, manifest
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.findings import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
 from freqrail.points import Point, axis_label, axis_unit, confirmed_point, locate, result_case, swept
+from freqrail.quantities import printable
 from freqrail.shipped import shipped_cases
 from freqrail.storage import open_result
 
@@ -89,11 +90,12 @@ def plot(
 
     Figures are `rms-against-speed`, or one `rms-against-speed-AXIS` a further axis; `rms-against-AXIS`
     and `map-speed-AXIS` for each of these; and `psd` where spectra are stored (see `hint`). An axis of one
-    value gets none. Of a confirmation they are those of `confirmation_figures`. Files of the same name are
-    replaced. SVG and PDF are the same bytes from run to run.
+    value gets none. Of a confirmation they are those of `confirmation_figures`. The folder keeps a list of its files
+    (see `manifest`): figures of an earlier run are replaced, anything else in it is refused. SVG and PDF are the same
+    bytes from run to run.
 
     Raises InputError for an unknown format, a point off the grid, a dataset that is no sweep or that has
-    nothing to draw; FileError if the folder or a file cannot be written.
+    nothing to draw, a folder that holds anything else; FileError if the folder or a file cannot be written.
     """
     if format not in FORMATS:
         raise InputError(f"--format: must be one of {', '.join(FORMATS)} (got {format!r})")
@@ -105,13 +107,20 @@ def plot(
             "plot: nothing to draw: at least two speeds, two values of another swept parameter, or stored spectra "
             "(freqrail sweep CASE --psd) are needed"
         )
+    listed = manifest.owned(Path(folder), "plot")
     target = _folder(Path(folder))
     title = str(dataset.attrs.get("title", dataset.attrs["case_name"]))
     # after_reset: a matplotlibrc of the user's must not change the bytes
     with matplotlib.style.context(STYLE, after_reset=True):
         paths = []
         for stem, draw in drawings.items():
-            paths.append(save(draw(), target / f"{stem}.{format}", title))
+            path = target / f"{stem}.{format}"
+
+            def enter(whole: Path, name: str = path.name) -> None:
+                listed[name] = manifest.digest(whole)
+                manifest.record(target, "plot", listed)
+
+            paths.append(save(draw(), path, title, enter))
             progress(1)
         return paths
 
@@ -426,16 +435,16 @@ def _folder(folder: Path) -> Path:
     return folder
 
 
-def save(figure: Figure, target: Path, title: str) -> Path:
-    """Write a figure under a temporary name and put it in the target's place only when it is whole."""
+def save(figure: Figure, target: Path, title: str, ready: Callable[[Path], object] = lambda whole: None) -> Path:
+    """Write a figure beside its target and put it in the target's place only when it is whole; see `files.replacing`.
+
+    Characters of the title that no SVG file may hold are escaped.
+    """
     format = target.suffix[1:]
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(format, {})
-    temporary = target.with_name(f".{target.name}.partial")
     try:
-        figure.savefig(temporary, format=format, dpi=200, metadata={"Title": title, **undated})
-        os.replace(temporary, target)
+        with files.replacing(target, ready) as path:
+            figure.savefig(path, format=format, dpi=200, metadata={"Title": printable(title), **undated})
     except OSError as fault:
         raise FileError(f"{target}: cannot be written: {fault.strerror or fault}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
     return target

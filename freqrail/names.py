@@ -20,7 +20,8 @@ class Parameter:
     symbol: as in the paper, for figures (mathtext). unit: SI. shown_unit: of the dataset's
     coordinate and of messages, None for the unit the user wrote. kind: what it is, for messages.
     lower: smallest accepted value, SI (excluded if `above`); upper: largest. infinite: whether inf
-    is accepted.
+    is accepted. plausible: the range of all other values, SI, about a millionth of the smallest to a million times
+    the largest that vehicles and tracks have: beyond it double precision cannot be relied on.
     """
 
     name: str
@@ -36,13 +37,23 @@ class Parameter:
     infinite: bool = False
     shown_unit: str | None = None
     hint: str = ""
+    plausible: tuple[float, float] = (0.0, math.inf)
 
 
 SMALLEST_JOINT_STIFFNESS = 1.0  # N/m
 FASTEST = 600 / 3.6  # m/s
 
 _VEHICLE = (
-    Parameter("car_body_mass", "vehicle", "M_c", "kg", "mass", "15200 kg", "half of the car body's mass"),
+    Parameter(
+        "car_body_mass",
+        "vehicle",
+        "M_c",
+        "kg",
+        "mass",
+        "15200 kg",
+        "half of the car body's mass",
+        plausible=(1e-2, 1e11),
+    ),
     Parameter(
         "car_body_pitch_inertia",
         "vehicle",
@@ -51,8 +62,18 @@ _VEHICLE = (
         "moment of inertia",
         "1019000 kg*m^2",
         "half of the car body's pitch moment of inertia",
+        plausible=(1e-1, 1e13),
     ),
-    Parameter("bogie_mass", "vehicle", "M_t", "kg", "mass", "600 kg", "half of a bogie frame's mass"),
+    Parameter(
+        "bogie_mass",
+        "vehicle",
+        "M_t",
+        "kg",
+        "mass",
+        "600 kg",
+        "half of a bogie frame's mass",
+        plausible=(1e-3, 1e10),
+    ),
     Parameter(
         "bogie_pitch_inertia",
         "vehicle",
@@ -61,8 +82,18 @@ _VEHICLE = (
         "moment of inertia",
         "700 kg*m^2",
         "half of a bogie frame's pitch moment of inertia",
+        plausible=(1e-3, 1e10),
     ),
-    Parameter("wheelset_mass", "vehicle", "M_w", "kg", "mass", "700 kg", "half of a wheelset's mass"),
+    Parameter(
+        "wheelset_mass",
+        "vehicle",
+        "M_w",
+        "kg",
+        "mass",
+        "700 kg",
+        "half of a wheelset's mass",
+        plausible=(1e-3, 1e10),
+    ),
     Parameter(
         "primary_stiffness",
         "vehicle",
@@ -71,6 +102,7 @@ _VEHICLE = (
         "stiffness",
         "875 kN/m",
         "vertical stiffness of the primary suspension, one side of one axle",
+        plausible=(1e-1, 1e13),
     ),
     Parameter(
         "primary_damping",
@@ -81,6 +113,7 @@ _VEHICLE = (
         "17 kN*s/m",
         "vertical damping of the primary suspension, one side of one axle",
         above=False,
+        plausible=(1e-3, 1e11),
     ),
     Parameter(
         "primary_joint_stiffness",
@@ -94,6 +127,7 @@ _VEHICLE = (
         above=False,
         infinite=True,
         shown_unit="MN/m",
+        plausible=(SMALLEST_JOINT_STIFFNESS, 1e14),
     ),
     Parameter(
         "secondary_stiffness",
@@ -103,6 +137,7 @@ _VEHICLE = (
         "stiffness",
         "412 kN/m",
         "vertical stiffness of the secondary suspension, one side of one bogie",
+        plausible=(1e-1, 1e13),
     ),
     Parameter(
         "secondary_damping",
@@ -113,6 +148,7 @@ _VEHICLE = (
         "54 kN*s/m",
         "vertical damping of the secondary suspension, one side of one bogie",
         above=False,
+        plausible=(1e-3, 1e11),
     ),
     Parameter(
         "secondary_joint_stiffness",
@@ -126,11 +162,28 @@ _VEHICLE = (
         above=False,
         infinite=True,
         shown_unit="MN/m",
+        plausible=(SMALLEST_JOINT_STIFFNESS, 1e14),
     ),
     Parameter(
-        "half_bogie_spacing", "vehicle", "L_c", "m", "length", "3.289 m", "half of the distance between bogie pivots"
+        "half_bogie_spacing",
+        "vehicle",
+        "L_c",
+        "m",
+        "length",
+        "3.289 m",
+        "half of the distance between bogie pivots",
+        plausible=(1e-6, 1e7),
     ),
-    Parameter("half_wheelbase", "vehicle", "L_t", "m", "length", "0.797 m", "half of a bogie's wheelbase"),
+    Parameter(
+        "half_wheelbase",
+        "vehicle",
+        "L_t",
+        "m",
+        "length",
+        "0.797 m",
+        "half of a bogie's wheelbase",
+        plausible=(1e-6, 1e7),
+    ),
     Parameter(
         "contact_constant",
         "vehicle",
@@ -139,6 +192,7 @@ _VEHICLE = (
         "contact constant",
         "5.1824e-8 m/N^(2/3)",
         "Hertzian contact constant of wheel and rail",
+        plausible=(1e-14, 1e-1),
     ),
     Parameter(
         "contact_stiffness",
@@ -148,14 +202,31 @@ _VEHICLE = (
         "stiffness",
         "1.0448 GN/m",
         "linear contact stiffness of wheel and rail",
+        plausible=(1e2, 1e16),
     ),
 )
 
 _OTHERS = (
     Parameter(
-        "roughness", "track", "A_v", "m^2*rad/m", "roughness coefficient", "4.032e-7 m^2*rad/m", "track roughness"
+        "roughness",
+        "track",
+        "A_v",
+        "m^2*rad/m",
+        "roughness coefficient",
+        "4.032e-7 m^2*rad/m",
+        "track roughness",
+        plausible=(1e-14, 1e1),
     ),
-    Parameter("cutoffs", "track", "\\Omega", "rad/m", "wavenumber", "0.0206 rad/m", "cut-off wavenumbers of the track"),
+    Parameter(
+        "cutoffs",
+        "track",
+        "\\Omega",
+        "rad/m",
+        "wavenumber",
+        "0.0206 rad/m",
+        "cut-off wavenumbers of the track",
+        plausible=(1e-9, 1e7),
+    ),
     Parameter(
         "speed",
         "operation",
@@ -167,9 +238,29 @@ _OTHERS = (
         upper=FASTEST,
         shown_unit="km/h",
         hint="speeds above 600 km/h are refused: is the unit right?",
+        plausible=(1e-5 / 3.6, FASTEST),
     ),
-    Parameter("frequency", "band", "f", "Hz", "frequency", "0.1 Hz", "frequency", shown_unit="Hz"),
-    Parameter("wavelength", "band", "\\lambda", "m", "length", "1 m", "wavelength of the track irregularity"),
+    Parameter(
+        "frequency",
+        "band",
+        "f",
+        "Hz",
+        "frequency",
+        "0.1 Hz",
+        "frequency",
+        shown_unit="Hz",
+        plausible=(1e-8, 1e10),
+    ),
+    Parameter(
+        "wavelength",
+        "band",
+        "\\lambda",
+        "m",
+        "length",
+        "1 m",
+        "wavelength of the track irregularity",
+        plausible=(1e-8, 1e9),
+    ),
 )
 
 PARAMETERS: dict[str, Parameter] = {p.name: p for p in (*_VEHICLE, *_OTHERS)}

@@ -70,6 +70,11 @@ class Axis:
     text: str
 
 
+def printable(text: str) -> str:
+    """Text with its control characters escaped, so that none reaches a terminal or a figure; lines stay lines."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
 def given(value: object) -> str:
     """What the user gave, short enough for a message: (got "5 kN*s/m") or (got 5)."""
     try:
@@ -222,6 +227,12 @@ def _check(parameter: Parameter, value: float, got: str) -> None:
         raise ValueError(f"must be {bound} {parameter.unit}{rigid}{hint and f'; {hint}'} {got}")
     if value > parameter.upper * (1 + 1e-12):
         raise ValueError(f"{parameter.hint or f'must be at most {parameter.upper:g} {parameter.unit}'} {got}")
+    smallest, largest = parameter.plausible
+    if value and not smallest * (1 - 1e-12) <= value <= largest * (1 + 1e-12):
+        unit = parameter.example.split(" ", 1)[1]
+        factor = float(unit_factor(unit)[0])
+        zero = "0, or " if not parameter.above and not parameter.lower else ""
+        raise ValueError(f"must be {zero}from {smallest / factor:g} to {largest / factor:g} {unit} {got}")
 
 
 def milli_hint(text: str) -> str:
@@ -352,8 +363,8 @@ def parse_axis(parameter: Parameter, text: object) -> Axis:
         if np.any(array[1:] <= array[:-1]):
             at = int(np.argmax(array[1:] <= array[:-1]))
             raise ValueError(f"values must strictly increase, {values[at + 1]:g} follows {values[at]:g} {got}")
-    _check(parameter, float(si[0]), got)
-    _check(parameter, float(si[-1]), got)
+    for value in (*si[:2], *si[-2:]):  # they increase; the first may be 0 and the last inf
+        _check(parameter, float(value), got)
     return Axis(parameter.name, values, shown, si, body)
 
 

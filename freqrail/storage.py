@@ -1,8 +1,8 @@
 """Results on disk: NetCDF files that are complete or not there at all.
 
-A file is written under a temporary name beside its target, read back and compared with what was meant
-by a digest of its whole content, flushed to the disk and only then put in the target's place. Every
-read checks that digest. One thread of one process touches NetCDF: the library is not thread-safe.
+A file is written beside its target, read back and compared with what was meant by a digest of its whole content,
+flushed to the disk and only then put in the target's place (see `files`). Every read checks that digest. One thread
+of one process touches NetCDF: the library is not thread-safe.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from freqrail import files
 from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest, named_coordinates, narrowed
 from freqrail.errors import FileError, InputError
 from freqrail.quantities import given, shown_bytes
@@ -44,8 +45,8 @@ def check_target(
     new_folder: its folder may be missing, the caller will make it.
 
     Raises InputError (exit 2) if its name does not end in .nc, if it exists and `overwrite` is not set, or is one of
-    the `inputs`, also through a link, or larger than the disk's free space; FileError (exit 4) if its folder is
-    missing or cannot be written.
+    the `inputs`, also through a link, no regular file, or larger than the disk's free space; FileError (exit 4) if its
+    folder is missing or cannot be written, or its name is one that cannot.
     """
     if not str(path):
         raise InputError("-o: the name is empty; name a file, such as result.nc")
@@ -57,7 +58,9 @@ def check_target(
         raise InputError(f'{target}: the name of a NetCDF file ends in ".nc"; did you mean {target}.nc?')
     if target.is_dir():
         raise InputError(f"{target}: is a folder; name a file in it, such as {target / 'result.nc'}")
-    if target.exists() and not overwrite:
+    if target.exists() and not target.is_file():
+        raise InputError(f"{target}: is not a regular file; name another output file")
+    if os.path.lexists(target) and not overwrite:
         raise InputError(f"{target}: exists already; --overwrite replaces it")
     folder = target.parent
     if new_folder and not folder.exists():
@@ -67,6 +70,7 @@ def check_target(
         raise FileError(f"{folder}: {what}, or name another with -o")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"{folder}: this folder cannot be written")
+    files.check_name(target)
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
@@ -85,6 +89,7 @@ def lock(target: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout, UnixFileLock  # only where something is written
 
     path = target.with_name(f".{target.name}.lock")
+    files.check_beside(path, "the lock", empty=True)
     held = FileLock(path, timeout=0)
     try:
         held.acquire()
@@ -115,46 +120,44 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
 
     Raises FileError (an input or output fault, such as a full disk) with the old file, if any, untouched.
     """
-    temporary = target.with_name(f".{target.name}.partial")
     size = sum(math.prod(v.shape) * v.dtype.itemsize for v in variables.values())
     try:
-        unsigned = skeleton.assign_attrs(narrowed(skeleton.attrs) | {"content_digest": "0" * 64})
-        unsigned.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_encoding(skeleton))
-        written = []
-        with _small_cache(), netCDF4.Dataset(temporary, "a") as raw:
-            raw.set_auto_maskandscale(False)
-            for place, values in parts:
-                for name, numbers in values.items():
-                    if name not in raw.variables:
-                        coordinates = named_coordinates(skeleton, name, variables[name].dims)
-                        _create(raw, name, variables[name], numbers.shape, coordinates)
-                    raw.variables[name][place or ...] = numbers
-                    written.append((name, place, _checksum(numbers)))
-            _drop_global_coordinates(raw)
-        with _small_cache(), netCDF4.Dataset(temporary) as raw:
-            raw.set_auto_maskandscale(False)
-            for name, place, checksum in written:
-                if _checksum(raw.variables[name][place or ...]) != checksum:
-                    raise OSError("what was read back differs from what was written; is the disk full?")
-        with _small_cache(), xr.open_dataset(temporary, engine="netcdf4") as complete:
-            digest = content_digest(complete)
-        with netCDF4.Dataset(temporary, "a") as raw:
-            raw.content_digest = digest
-        with netCDF4.Dataset(temporary) as raw:
-            if raw.content_digest != digest:
-                raise OSError("the digest was not written; is the disk full?")
-        _flush(temporary)
-        os.replace(temporary, target)
-        _flush_folder(target.parent)
+        with files.replacing(target) as temporary:
+            _write(temporary, skeleton, variables, parts)
     except (OSError, RuntimeError, InputError) as fault:
-        temporary.unlink(missing_ok=True)
         full = shutil.disk_usage(target.parent).free < 2 * size  # the library does not say so
         limit = f"{fault} (is a quota, or a limit on the size of files, reached?)"
         words = "no space left on the disk" if full else getattr(fault, "strerror", None) or limit
         raise FileError(f"{target}: cannot be written: {words}") from None
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+
+
+def _write(path: Path, skeleton: xr.Dataset, variables: Mapping[str, Variable], parts: Iterable[Part]) -> None:
+    """Write a dataset part by part, read it back, compare, and sign it with its digest."""
+    unsigned = skeleton.assign_attrs(narrowed(skeleton.attrs) | {"content_digest": "0" * 64})
+    unsigned.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=_encoding(skeleton))
+    written = []
+    with _small_cache(), netCDF4.Dataset(path, "a") as raw:
+        raw.set_auto_maskandscale(False)
+        for place, values in parts:
+            for name, numbers in values.items():
+                if name not in raw.variables:
+                    coordinates = named_coordinates(skeleton, name, variables[name].dims)
+                    _create(raw, name, variables[name], numbers.shape, coordinates)
+                raw.variables[name][place or ...] = numbers
+                written.append((name, place, _checksum(numbers)))
+        _drop_global_coordinates(raw)
+    with _small_cache(), netCDF4.Dataset(path) as raw:
+        raw.set_auto_maskandscale(False)
+        for name, place, checksum in written:
+            if _checksum(raw.variables[name][place or ...]) != checksum:
+                raise OSError("what was read back differs from what was written; is the disk full?")
+    with _small_cache(), xr.open_dataset(path, engine="netcdf4") as complete:
+        digest = content_digest(complete)
+    with netCDF4.Dataset(path, "a") as raw:
+        raw.content_digest = digest
+    with netCDF4.Dataset(path) as raw:
+        if raw.content_digest != digest:
+            raise OSError("the digest was not written; is the disk full?")
 
 
 @contextlib.contextmanager
@@ -242,24 +245,25 @@ def opened(path: str | os.PathLike[str], result: bool = True) -> Iterator[xr.Dat
     source = Path(path)
     if "://" in str(path):
         raise InputError(f"{path}: only local files are read")
-    if not source.is_file():
-        what = "is a folder" if source.is_dir() else "no such file"
-        raise InputError(f"{source}: {what}; a result of `freqrail sweep`, such as results/CASE.nc, is due")
     try:
-        with source.open("rb") as stream:
-            head = stream.read(8)
-    except OSError as fault:
-        raise InputError(f"{source}: cannot be read: {fault.strerror}") from None
+        found_file, folder, there = source.is_file(), source.is_dir(), source.exists()
+        head = files.read(source, 8) if found_file else b""
+    except (OSError, ValueError) as fault:
+        raise InputError(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
+    if not found_file:
+        what = "is a folder" if folder else "is not a regular file" if there else "no such file"
+        raise InputError(f"{source}: {what}; a result of `freqrail sweep`, such as results/CASE.nc, is due")
     if not head.startswith(_MAGIC):
         raise InputError(f"{source}: is not a NetCDF file" + (" (it is empty)" if not head else ""))
     with contextlib.ExitStack() as stack:
         stack.enter_context(_small_cache())
         try:
-            with netCDF4.Dataset(source) as raw:
+            path = stack.enter_context(files.spelled(source))
+            with netCDF4.Dataset(path) as raw:
                 _check_head(raw, source)
-            dataset = stack.enter_context(xr.open_dataset(source, engine="netcdf4", cache=False))
+            dataset = stack.enter_context(xr.open_dataset(path, engine="netcdf4", cache=False))
             found = content_digest(dataset)
-        except InputError:
+        except (InputError, MemoryError):
             raise
         except Exception as fault:  # a damaged file raises whatever the layers below happen to hit
             raise InputError(f"{source}: damaged, cannot be read as NetCDF ({type(fault).__name__})") from None
@@ -306,18 +310,3 @@ def _encoding(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
             settings["fletcher32"] = True
         encoding[str(name)] = settings
     return encoding
-
-
-def _flush(path: Path) -> None:
-    """Have the system write a file, or the entries of a folder, to the disk."""
-    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes what may be written only
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def _flush_folder(path: Path) -> None:
-    """The same for a folder, where the system can: Windows opens no folder."""
-    with contextlib.suppress(PermissionError):
-        _flush(path)

@@ -20,7 +20,7 @@ from freqrail.modal import modes
 from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
 from freqrail.plan import band_text
 from freqrail.points import Point, axis_label, axis_unit, confirmed_point, locate, swept
-from freqrail.quantities import shown_value
+from freqrail.quantities import printable, shown_value
 from freqrail.track import band_limits, standard_deviation
 from freqrail.vehicle import static_wheel_load
 
@@ -52,11 +52,6 @@ DIGITS = {
     "simulation_percent": 2,
 }
 """Keys of records whose numbers are shown with other than four digits."""
-
-
-def printable(text: str) -> str:
-    """Text with its control characters escaped, so that none reaches a terminal; lines stay lines."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
 def number(value: float, digits: int = 4) -> str:

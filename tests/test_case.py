@@ -801,10 +801,10 @@ def test_an_unreadable_file(tmp_path, monkeypatch):
     path = tmp_path / "study.toml"
     path.write_text(PLAIN)
 
-    def refuse(self: Path) -> bytes:
-        raise PermissionError(13, "Permission denied", str(self))
+    def refuse(path: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(Path, "read_bytes", refuse)  # to root every file is readable
+    monkeypatch.setattr("freqrail.files.read", refuse)  # to root every file is readable
     assert refusal(lambda: load_case(path)) == (f"{path}: cannot be read: Permission denied",)
 
 

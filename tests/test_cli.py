@@ -226,7 +226,7 @@ def test_a_band_that_takes_in_the_rigid_rail_resonance_is_warned_of(here, capsys
 
 
 def test_numbers_beyond_all_measure_are_failed_points_and_no_traceback(here):
-    extreme = (["--set", "band=none", "--set", "wheelset_mass=1e-300 kg"], ["--over", "speed=0.001 km/h"])
+    extreme = (["--set", "half_bogie_spacing=1e7 m"], ["--over", "speed=0.001 km/h"])
     for k, change in enumerate(extreme):
         rest = [] if "--over" in change else ["--over", "speed=250 km/h"]
         done = command("sweep", "yu-damper-joint", *change, *rest, *SMALL[2:], "-o", f"{k}.nc", cwd=here)

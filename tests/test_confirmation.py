@@ -436,7 +436,7 @@ def drawn(monkeypatch, tmp_path):
 
     def draw(dataset, at=None):
         found = {}
-        monkeypatch.setattr(figures, "save", lambda figure, target, title: found.setdefault(target.stem, figure))
+        monkeypatch.setattr(figures, "save", lambda figure, target, *_: found.setdefault(target.stem, figure))
         freqrail.plot(dataset, tmp_path / "unused", at=at and parse_point(at))
         return found
 

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 from matplotlib.contour import QuadContourSet
 
-from freqrail import cli, storage
+from freqrail import cli, manifest, storage
 from freqrail.errors import FileError, InputError
 from freqrail.replication import folder as replication
 from freqrail.replication.claims import CLAIMS
@@ -188,6 +188,7 @@ def test_a_run_that_fails_leaves_the_old_folder_and_no_traces(tmp_path, monkeypa
     study = tmp_path / "study"
     study.mkdir()
     (study / "report.md").write_text("old")
+    manifest.record(study, replication.COMMAND, {"report.md": manifest.digest(study / "report.md")})
     monkeypatch.setattr(replication.variations, "in_frequency", lambda *arguments: [])
 
     def full_disk(*arguments):
