@@ -100,8 +100,8 @@ CRITERIA: dict[str, Criterion] = {
         "RMS of the dynamic wheel-rail force over the static wheel load",
         "",
         (0.0, 1 / 3),
-        "wheels leave the rail, which a linear model cannot say: lower speed or roughness, or leave the wheelsets' "
-        "resonance out of the band",
+        "three of them exceed the load: wheels leave the rail, which a linear model cannot say; check speed, roughness "
+        "and band",
     ),
 }
 """Every criterion by the name that warnings bear and [accepted] takes."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from freqrail import grid
 from freqrail.case import Case
-from freqrail.names import DIMENSIONS, PARAMETERS, RESPONSES
+from freqrail.names import DIMENSIONS, RESPONSES, meaning
 from freqrail.plan import Plan, band_text
 from freqrail.quantities import Axis
 from freqrail.version import __version__
@@ -77,7 +77,11 @@ def variables(plan: Plan) -> dict[str, Variable]:
                     "ancillary_variables": f"{prefix}{name}_rms_relative_error {prefix}status {prefix}method",
                 },
             )
-            error = {"units": "1", "long_name": f"estimated relative error of the {meaning}, {words}"}
+            error = {
+                "units": "1",
+                "long_name": f"estimated relative error of the computation of the {meaning}, {words}; numerical only: "
+                "it says nothing of the model or of its data",
+            }
             add(prefix, f"{name}_rms_relative_error", place, float, error)
         if plan.frequency is not None:
             for name in plan.names:
@@ -112,7 +116,7 @@ def arrays(
 
 def skeleton(plan: Plan) -> xr.Dataset:
     """The coordinates and attributes of a sweep, without its variables."""
-    coordinates: dict[str, Any] = {axis.name: coordinate(axis) for axis in plan.case.axes}
+    coordinates: dict[str, Any] = {axis.name: coordinate(axis, plan.case.masses) for axis in plan.case.axes}
     used = {RESPONSES[name].dimension for name in plan.names}
     for dimension, (long_name, labels) in DIMENSIONS.items():
         if dimension in used:
@@ -142,10 +146,9 @@ def _arrange(values: NDArray, swept: list[str], squeeze: bool) -> NDArray:
     return np.asarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)), order="C")
 
 
-def coordinate(axis: Axis) -> tuple[str, NDArray, dict[str, str]]:
-    """A swept parameter as a coordinate: dimension, values, attributes with its unit."""
-    parameter = PARAMETERS[axis.name]
-    described = {"long_name": parameter.meaning}
+def coordinate(axis: Axis, masses: str = "half") -> tuple[str, NDArray, dict[str, str]]:
+    """A swept parameter as a coordinate: dimension, values, attributes with its unit. masses: see `Case`."""
+    described = {"long_name": meaning(axis.name, masses)}
     plain = all(_UDUNITS.fullmatch(part) for part in re.split(r"[*/ ]", axis.unit))
     described["units" if plain else "user_units"] = axis.unit
     return axis.name, axis.values, described

@@ -157,7 +157,7 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         ),
     }
     for name in swept(run.dataset):
-        _, values, described = coordinate(grid_axis(run.dataset, name))
+        _, values, described = coordinate(grid_axis(run.dataset, name), run.case.masses)
         coordinates[name] = ("point", values[[index[name] for index in run.indices]], described)
     for dimension in dict.fromkeys(RESPONSES[name].dimension for name in timedomain.RESPONSES):
         long_name, labels = DIMENSIONS[dimension]
@@ -203,6 +203,7 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
             for model, fault in e.failures.items()
         ),
         "versions": json.dumps(versions),
+        "warnings": str(run.dataset.attrs.get("warnings", "")),
     }
     return {key: value for key, value in (described | conditions).items() if str(value) != ""}
 

@@ -18,7 +18,7 @@ from freqrail.dataset import MODELS, first_failures
 from freqrail.evidence import band_note, problems
 from freqrail.evidence import records as confirmation_records
 from freqrail.modal import modes
-from freqrail.names import PARAMETERS, RESPONSES
+from freqrail.names import PARAMETERS, RESPONSES, meaning
 from freqrail.plan import band_text
 from freqrail.points import Point, axis_label, confirmed_point, locate, swept
 from freqrail.quantities import shown_value
@@ -84,7 +84,7 @@ def case_parameters(case: Case) -> list[Record]:
             "given": quantity.text,
             "SI": quantity.value,
             "unit": PARAMETERS[name].unit,
-            "meaning": PARAMETERS[name].meaning,
+            "meaning": meaning(name, case.masses),
         }
         for name, quantity in case.quantities.items()
     ]
