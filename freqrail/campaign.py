@@ -75,7 +75,10 @@ def compute(plan: Plan, jobs: int | None = None, progress: Progress = lambda poi
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a sweep into a file came to. largest_error: NaN if no number has an error estimate. told: JSON, as stored."""
+    """What a sweep into a file came to. largest_error: NaN if no number has an error estimate.
+
+    told: the attribute `warnings` of its file, see `plausibility.stored`.
+    """
 
     path: Path
     largest_error: float

@@ -52,8 +52,8 @@ _AT = click.option(
     "--at",
     metavar="POINT",
     multiple=True,
-    help='A grid point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the '
-    "case's own value.",
+    help='A point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the case\'s own '
+    "value. show and plot compute one that is not on the grid anew.",
 )
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 
@@ -171,9 +171,9 @@ def sweep(
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
     facts["warnings"] = told
     taken_over = f", {count(outcome.resumed, 'block')} taken over" if resume else ""
-    accuracy = (
-        "no number has an error estimate" if math.isnan(error) else f"largest estimated error {error:.1e} (relative, numerical only)"
-    )
+    accuracy = f"largest estimated error {error:.1e} (relative, numerical only)"
+    if math.isnan(error):
+        accuracy = "no number has an error estimate"
     report(
         facts,
         as_json,
@@ -290,9 +290,8 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     with progress("figures", figures.count(dataset, point)) as advance:
         paths = figures.plot(dataset, folder, file_format, point, advance)
     click.echo("\n".join(map(str, paths)))
-    hint = figures.hint(dataset)
-    if hint:
-        click.echo(f"freqrail: {hint}", err=True)
+    for line in filter(None, [figures.note(dataset, point), figures.hint(dataset)]):
+        click.echo(f"freqrail: {line}", err=True)
 
 
 @cli.command()

@@ -15,7 +15,7 @@ from freqrail.nodes import own_edges
 from freqrail.response import SERIES, chain_responses
 from freqrail.study import Study
 from freqrail.track import Band, Spectrum, angular_psd
-from freqrail.vehicle import CHAINS, Vehicle, poles
+from freqrail.vehicle import CHAINS, Vehicle, ladder, poles
 
 REACH = 3.0  # of the highest resonance, where a band without an end is cut: hardly any track height is left beyond
 MOST_NODES = 50_000  # of a trial that is to take milliseconds: a train so slow that it needs more loses no contact
@@ -42,10 +42,12 @@ def contact_force(vehicle: Vehicle, omega: NDArray[np.float64], speed: float) ->
 def contact_force_rms(vehicle: Vehicle, spectrum: Spectrum, speed: float, band: Band | None) -> NDArray[np.float64]:
     """RMS of the dynamic contact force of each wheel, N: [4 axles].
 
-    vehicle: numbers without arrays. speed in m/s. NaN where the numbers overflow or the quadrature would take long.
+    vehicle: numbers without arrays. speed in m/s. NaN where the numbers overflow, the quadrature would take long, or a
+    chain has no damper at all: what rings for ever is told by its points' status.
     """
     resonances = poles(vehicle)
-    if not np.isfinite(resonances).all():
+    undamped = any(all(damping == 0 for _, damping, _ in ladder(vehicle, chain)[1]) for chain in CHAINS)
+    if undamped or not np.isfinite(resonances).all():
         return np.full(4, np.nan)
     highest = float(np.abs(resonances.imag).max()) / (2 * np.pi)
     band = band or Band("frequency", 1e-6 * highest, REACH * highest)

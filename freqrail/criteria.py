@@ -32,7 +32,7 @@ CRITERIA: dict[str, Criterion] = {
         "mass of a whole wheelset",
         "t",
         (0.5, 2.5),
-        f'check its unit (kg, t); if masses of the whole vehicle are given, say so: --set "masses=whole"',
+        'check its unit (kg, t); if masses of the whole vehicle are given, say so: --set "masses=whole"',
     ),
     "bogie_frame": Criterion(
         "mass of a whole bogie frame over its wheelbase",
@@ -44,7 +44,7 @@ CRITERIA: dict[str, Criterion] = {
         "radius of gyration of the car body over half the pivot distance",
         "",
         (0.5, 1.6),
-        "check car_body_pitch_inertia, which published data sets hold ten times off, and that half_bogie_spacing is half",
+        "check car_body_pitch_inertia (ten times off in some published data sets) and that half_bogie_spacing is half",
     ),
     "bogie_radius_of_gyration": Criterion(
         "radius of gyration of a bogie frame over half its wheelbase",
@@ -55,7 +55,9 @@ CRITERIA: dict[str, Criterion] = {
     "pivot_distance": Criterion(
         "distance between pivots", "m", (4.0, 21.5), "half_bogie_spacing is half of it: check that, and the unit"
     ),
-    "wheelbase": Criterion("wheelbase of a bogie", "m", (1.1, 3.6), "half_wheelbase is half of it: check that, and the unit"),
+    "wheelbase": Criterion(
+        "wheelbase of a bogie", "m", (1.1, 3.6), "half_wheelbase is half of it: check that, and the unit"
+    ),
     "car_bounce": Criterion(
         "natural frequency of the car's bounce", "Hz", (0.4, 3.0), "check the units of springs (N/m, kN/m) and masses"
     ),
@@ -63,7 +65,10 @@ CRITERIA: dict[str, Criterion] = {
         "natural frequency of the car's pitch", "Hz", (0.4, 3.0), "check car_body_pitch_inertia and half_bogie_spacing"
     ),
     "bogie_bounce": Criterion(
-        "natural frequency of the bogies' bounce", "Hz", (3.0, 15.0), "check the units of springs (N/m, kN/m) and masses"
+        "natural frequency of the bogies' bounce",
+        "Hz",
+        (3.0, 15.0),
+        "check the units of springs (N/m, kN/m) and masses",
     ),
     "primary_over_secondary": Criterion(
         "stiffness of a bogie's two primary springs over that of its secondary one",
@@ -97,7 +102,7 @@ CRITERIA: dict[str, Criterion] = {
         "upper end of the band over the wheelsets' resonance on the rigid rail", "", (0.0, 0.7), ""
     ),
     "wheel_force": Criterion(
-        "RMS of the dynamic wheel-rail force over the static wheel load",
+        "RMS of the dynamic force between wheel and rigid rail over the static wheel load",
         "",
         (0.0, 1 / 3),
         "three of them exceed the load: wheels leave the rail, which a linear model cannot say; check speed, roughness "

@@ -222,7 +222,7 @@ def _band_concerns(case: Case) -> list[Concern]:
     if not _inside((ratio, ratio), CRITERIA["wheelset_resonance"].usual):
         measured = _resonance_text(case, ratio, resonance, index)
         found.append(_judged(case, "wheelset_resonance", np.array(ratio), _advice(case, "frequency"), measured))
-    if case.spectrum.name.startswith("german"):
+    if case.band and case.spectrum.name.startswith("german"):  # of the whole axis the resonance's concern says it
         ends = np.array(wavelengths(case.band, case.speeds()))
         found.append(_judged(case, "wavelengths", ends, _advice(case, "wavelength")))
     return [concern for concern in found if concern]
@@ -253,13 +253,15 @@ def _resonance_text(case: Case, ratio: float, resonance: float, index: tuple[int
         mode = min(found, key=lambda m: abs(m.damped_frequency - resonance))
         resonance, damping = mode.damped_frequency, f" with a damping ratio of {mode.damping_ratio:.1e}"
     axes = [axis for axis in case.axes if axis.name != "speed"]
-    touching = ("contact_stiffness", "contact_constant", "car_body_mass", "bogie_mass", "wheelset_mass", "primary_stiffness")
-    where = [f"{a.name}={a.values[i]:.4g} {a.unit}" for a, i in zip(axes, index, strict=True) if a.name in touching]
+    own = [axis for axis in axes if axis.name.endswith("_mass") or axis.name.startswith(("contact", "primary_stiff"))]
+    where = [f"{a.name}={a.values[i]:.4g} {a.unit}" for a, i in zip(axes, index, strict=True) if a in own]
     at = f" (at {', '.join(where)})" if where else ""
-    top = "is the whole axis" if math.isinf(ratio) else f"ends at {_highest(case, case.band):.4g} Hz, {ratio:.2g} times"
-    link = " and takes in" if math.isinf(ratio) else ""
+    if case.band is None:
+        reach = "is the whole axis: all wavelengths, whatever the spectrum is good for, and"
+    else:
+        reach = f"ends at {_highest(case, case.band):.4g} Hz, {ratio:.2g} times"
     return (
-        f"the band {top}{link} the wheelsets' resonance on the rigid rail, {resonance:.3g} Hz{damping}{at}, "
+        f"the band {reach} the wheelsets' resonance on the rigid rail, {resonance:.3g} Hz{damping}{at}, "
         "which no real track has"
     )
 

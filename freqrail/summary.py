@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from freqrail.anew import find
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
 from freqrail.evidence import band_note, problems
@@ -20,7 +21,7 @@ from freqrail.evidence import records as confirmation_records
 from freqrail.modal import modes
 from freqrail.names import PARAMETERS, RESPONSES, meaning
 from freqrail.plan import band_text
-from freqrail.points import Point, axis_label, confirmed_point, locate, swept
+from freqrail.points import Point, axis_label, confirmed_point, swept
 from freqrail.quantities import shown_value
 from freqrail.track import band_limits, standard_deviation
 from freqrail.vehicle import static_wheel_load
@@ -210,13 +211,15 @@ def result_axes(dataset: xr.Dataset) -> list[Record]:
 
 
 def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
-    """One grid point as facts to print as JSON and as lines of text.
+    """One point as facts to print as JSON and as lines of text; one that the grid lacks is computed anew, and said so.
 
     Where it is, why it has no result if so, and RMS with and without joints at every position.
     """
-    indices = locate(dataset, point)
+    found = find(dataset, point)
+    dataset, indices = found.dataset, found.index
     facts: Record = {"point": {name: axis_label(dataset, name, i) for name, i in indices.items()}}
-    lines = [", ".join(f"{name} = {label}" for name, label in facts["point"].items())]
+    facts["computed_anew"] = list(found.anew)
+    lines = [", ".join(f"{name} = {label}" for name, label in facts["point"].items()), *filter(None, [found.note])]
     for prefix, words in MODELS.items():
         flags = dataset[f"{prefix}status"]
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))

@@ -175,7 +175,8 @@ def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
         line = f"{place}: unknown spectrum{suggestion(wanted, SPECTRA)} {got}"
     elif kind == "literal_error":
         line = (
-            f'{place}: must be "half" (masses, inertias, springs and dampers of one side) or "whole" (of both sides) {got}'
+            f'{place}: must be "half" (masses, inertias, springs and dampers of one side) or "whole" (of both sides) '
+            f"{got}"
         )
     elif kind in ("model_type", "model_attributes_type"):
         line = f"{file}: [{key}]: must be a table {got}"

@@ -1,7 +1,7 @@
 """Published vehicles, whole: what warnings must leave alone, and what slips are made from. SI units.
 
-Masses and inertias of the car body, a bogie frame, a wheelset; primary springs and dampers of an axle, secondary ones of
-a bogie, both sides; half the distance between pivots, half the wheelbase. Sources: Iwnicki 1998 (Manchester benchmark,
+Masses and inertias of the car body, a bogie frame, a wheelset; primary springs and dampers of an axle, secondary ones
+of a bogie, both sides; half the distance between pivots, half the wheelbase. Sources: Iwnicki 1998 (Manchester benchmark,
 vehicle 1); Goicolea 2014; Wu and Yang 2003; Antolin 2013; Zhai; Domenech 2014; the paper.
 """
 
@@ -37,9 +37,7 @@ _ROWS = {
     "CRH380A": (40840, 1.666e6, 2280, 1249, 1901.8, 2.352e6, 20e3, 520e3, 80e3, 8.75, 1.25),
 }
 
-PAPER = dict(
-    zip(UNITS, (30.4e3, 2.038e6, 1200, 1400, 1400, 1.75e6, 34e3, 824e3, 108e3, 3.289, 0.797), strict=True)
-)
+PAPER = dict(zip(UNITS, (30.4e3, 2.038e6, 1200, 1400, 1400, 1.75e6, 34e3, 824e3, 108e3, 3.289, 0.797), strict=True))
 """The paper's vehicle, whole. Its radius of gyration is 2.49 half pivot distances, which is warned of."""
 
 FLEET: dict[str, dict[str, float]] = {name: dict(zip(UNITS, row, strict=True)) for name, row in _ROWS.items()}

@@ -128,9 +128,15 @@ def test_show_prints_the_eleven_numbers_of_a_point(result, capsys):
     assert shown["numbers"][5]["RMS"] == 1e3 * float(stored.secondary_stroke_rms.sel(**point, bogie="front"))
 
 
-def test_show_off_the_grid_names_the_nearest_point(result, capsys):
-    assert run(["show", str(result), "--at", "speed=240 km/h"]) == 2
-    assert "the nearest value is 250 km/h" in lines(capsys)[0]
+def test_show_off_the_grid_computes_the_point_anew_and_says_so(result, here, capsys):
+    assert run(["show", str(result), "--at", "speed=240 km/h"]) == 0
+    shown = capsys.readouterr().out
+    assert "computed anew: speed = 240 km/h is not on the result's grid" in shown
+    assert run(["sweep", "yu-damper-joint", "--over", "speed=240 km/h", *SMALL[2:], "-o", "240.nc"]) == 0
+    assert run(["show", "240.nc"]) == run(["show", "240.nc", "--at", "speed=240 km/h"]) == 0
+    assert shown.splitlines()[2:] == capsys.readouterr().out.splitlines()[-len(shown.splitlines()) + 2 :]
+    assert run(["show", str(result), "--at", "speed=250 km/h"]) == 0
+    assert "anew" not in capsys.readouterr().out
 
 
 def test_show_check_tells_a_whole_file_from_a_damaged_one(result, here, capsys):
