@@ -9,7 +9,6 @@ lacks, the dataset that it draws is computed anew (`freqrail.anew`).
 from __future__ import annotations
 
 import os
-import shlex
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ from numpy.typing import NDArray
 from freqrail import confirmation_figures
 from freqrail.anew import ATTRIBUTE, find
 from freqrail.case import Case
-from freqrail.casefile import shipped_cases
+from freqrail.casefile import parse_toml, shipped_cases, to_toml
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.evidence import is_confirmation
@@ -151,9 +150,10 @@ def hint(dataset: xr.Dataset) -> str | None:
     if _stored(dataset, "_psd") or is_confirmation(dataset):
         return None
     name = str(dataset.attrs["case_name"])
-    case = name if name in shipped_cases() else f"{name}.toml"
-    command = f"freqrail sweep {shlex.quote(case)} --psd -o {shlex.quote(f'{name}-psd.nc')}"
-    return f"no spectra stored; to plot them: {command} (with the --set and --over of this result)"
+    shipped = shipped_cases().get(name)
+    if shipped is None or to_toml(parse_toml(shipped, name)) != dataset.attrs["effective_case"]:
+        return "no spectra stored; to plot them, sweep the case anew with --psd and the same --set and --over"
+    return f"no spectra stored; to plot them: freqrail sweep {name} --psd -o {name}-psd.nc"
 
 
 @dataclass(frozen=True)

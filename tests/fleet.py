@@ -1,8 +1,8 @@
 """Published vehicles, whole: what warnings must leave alone, and what slips are made from. SI units.
 
 Masses and inertias of the car body, a bogie frame, a wheelset; primary springs and dampers of an axle, secondary ones
-of a bogie, both sides; half the distance between pivots, half the wheelbase. Sources: Iwnicki 1998 (Manchester benchmark,
-vehicle 1); Goicolea 2014; Wu and Yang 2003; Antolin 2013; Zhai; Domenech 2014; the paper.
+of a bogie, both sides; half the distance between pivots, half the wheelbase. Sources: Iwnicki 1998 (Manchester
+benchmark, vehicle 1); Goicolea 2014; Wu and Yang 2003; Antolin 2013; Zhai; Domenech 2014; the paper.
 """
 
 from __future__ import annotations
