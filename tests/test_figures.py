@@ -167,7 +167,7 @@ def test_a_foreign_dataset_and_an_unknown_format_are_refused(result, tmp_path):
 
 
 def test_without_spectra_the_hint_names_the_command_that_stores_them(result, speeds_only, draw):
-    assert "freqrail sweep yu-damper-joint --psd" in figures.hint(speeds_only)
+    assert "sweep the case anew with --psd" in figures.hint(speeds_only)
     assert list(draw(speeds_only)) == ["rms-against-speed"]
     assert figures.hint(result) is None
 

@@ -337,7 +337,7 @@ def test_warnings_stay_with_the_file_and_are_said_again(warned, capsys):
         ["show", warned],
         ["show", warned, "--at", "speed=200 km/h"],
         ["plot", warned],
-        [*confirming, "--duration", "10 s", "-o", "c.nc"],
+        [*confirming, "--duration", "20 s", "-o", "c.nc"],
         ["show", "c.nc"],
         ["plot", "c.nc", "-o", "pictures"],
     ):
