@@ -18,6 +18,7 @@ from freqrail.track import Band, Spectrum, angular_psd
 from freqrail.vehicle import CHAINS, Vehicle, ladder, poles
 
 REACH = 3.0  # of the highest resonance, where a band without an end is cut: hardly any track height is left beyond
+FASTEST_POLE = 1e15  # rad/s, beyond which no vehicle has one and panels find no end
 MOST_NODES = 50_000  # of a trial that is to take milliseconds: a train so slow that it needs more loses no contact
 
 
@@ -47,7 +48,7 @@ def contact_force_rms(vehicle: Vehicle, spectrum: Spectrum, speed: float, band: 
     """
     resonances = poles(vehicle)
     undamped = any(all(damping == 0 for _, damping, _ in ladder(vehicle, chain)[1]) for chain in CHAINS)
-    if undamped or not np.isfinite(resonances).all():
+    if undamped or not np.all(np.abs(resonances) < FASTEST_POLE):
         return np.full(4, np.nan)
     highest = float(np.abs(resonances.imag).max()) / (2 * np.pi)
     band = band or Band("frequency", 1e-6 * highest, REACH * highest)

@@ -225,6 +225,12 @@ def test_contact_lost_is_told_and_a_train_that_keeps_it_is_not(paper_case):
     assert force >= contact_force_rms(one, rough.spectrum, speed, rough.band).max() / load > 1 / 3
 
 
+def test_numbers_beyond_all_measure_are_judged_at_once(paper_vehicle, german_low):
+    absurd = replace(paper_vehicle, car_body_mass=1e300, bogie_mass=1e-300)
+    assert np.isnan(contact_force_rms(absurd, german_low, 70.0, Band("frequency", 0.1, 100))).all()
+    assert "car_body" in told(load_case(CASE, {"car_body_mass": "1e300 kg", "bogie_mass": "1e-300 kg"}))
+
+
 def test_what_rings_for_ever_has_no_force_to_tell(paper_vehicle, german_low):
     undamped = replace(paper_vehicle, primary_damping=0.0)
     assert np.isnan(contact_force_rms(undamped, german_low, 70.0, None)).all()
