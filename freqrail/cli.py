@@ -12,6 +12,7 @@ import os
 import shlex
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from typing import Any
 import click
 
 from freqrail import completion
-from freqrail.errors import InputError, NumericalError
+from freqrail.errors import FreqrailWarning, InputError, NumericalError
 from freqrail.process import check_memory_limit, is_out_of_memory, prepare_matplotlib, take_over
 from freqrail.terminal import count, guarded, program, progress, report, tell
 from freqrail.version import __version__
@@ -56,8 +57,8 @@ _AT = click.option(
     metavar="POINT",
     multiple=True,
     shell_complete=completion.point,
-    help='A grid point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the '
-    "case's own value.",
+    help='A point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the case\'s own '
+    "value. show and plot compute one that is not on the grid anew.",
 )
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 
@@ -118,6 +119,7 @@ def sweep(
     over_by_name, settings_by_name = _once(over, "--over"), _once(settings, "--set")
     if "frequency" in over_by_name and not psd:
         raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
+    from freqrail import plausibility
     from freqrail.campaign import local, sweep_to_file
     from freqrail.case import load_case
     from freqrail.grid import processors
@@ -141,7 +143,9 @@ def sweep(
     target = check_target(wanted, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
+    facts["vehicle"] = plausibility.vitals(loaded)
     if dry_run:
+        plausibility.told(loaded)
         jobs = jobs or processors()
         seconds = plan.seconds(jobs)
         facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
@@ -149,6 +153,7 @@ def sweep(
             facts,
             as_json,
             f"{count(plan.points, 'grid point')} ({grid}), both models",
+            plausibility.vitals_text(loaded),
             f"{target}: {shown_bytes(plan.stored_bytes)}, about {number(seconds, 2)} s on {count(jobs, 'thread')}",
             "dry run: nothing computed, nothing written",
             *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
@@ -170,16 +175,20 @@ def sweep(
     failures = list(outcome.failures)
     next_step = "show" if plan.points == 1 or math.isnan(outcome.largest_error) else "plot"
     error = outcome.largest_error
+    told = plausibility.recalled({"warnings": outcome.told})
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
+    facts["warnings"] = told
     taken_over = f", {count(outcome.resumed, 'block')} taken over" if resume else ""
-    accuracy = (
-        "no number has an error estimate" if math.isnan(error) else f"largest estimated error {error:.1e} (relative)"
-    )
+    accuracy = f"largest estimated error {error:.1e} (relative, numerical only)"
+    if math.isnan(error):
+        accuracy = "no number has an error estimate"
     report(
         facts,
         as_json,
         f"{count(plan.points, 'grid point')} ({grid}), {count(len(plan.names), 'response')}, "
         "with joints and traditional",
+        plausibility.vitals_text(loaded),
+        *filter(None, [plausibility.accepted_text(told)]),
         f"band {band_text(loaded.band)}; {accuracy}",
         f"written: {target} ({shown_bytes(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
         f"next: {program()} {next_step} {shlex.quote(str(target))}",
@@ -237,6 +246,7 @@ def confirm(
     from freqrail.summary import confirmation_text, number
 
     run = plan_run(result, at or None, seed, realisations, duration, integrator, start, band)
+    _repeat_warnings(run.dataset)
     wanted = Path(result).with_name(f"{Path(result).stem}-confirmation.nc") if output is None else output
     target = check_target(wanted, overwrite, (result,), run.stored_bytes)
     needed = check_cost(run, max_time, jobs)
@@ -283,13 +293,13 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 
     point = _one_point(at)
     dataset = open_result(result)
+    _repeat_warnings(dataset)
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
     with progress("figures", figures.count(dataset, point)) as advance:
         paths = figures.plot(dataset, folder, file_format, point, advance)
     click.echo("\n".join(map(str, paths)))
-    hint = figures.hint(dataset)
-    if hint:
-        tell(f"freqrail: {hint}")
+    for line in filter(None, [figures.note(dataset, point), figures.hint(dataset)]):
+        tell(f"freqrail: {line}")
 
 
 @cli.command()
@@ -343,10 +353,11 @@ def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], chec
 
 
 def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
-    from freqrail import summary
+    from freqrail import plausibility, summary
     from freqrail.case import load_case
 
     case = load_case(what, settings, scalars=True)
+    told = plausibility.recalled({"warnings": plausibility.stored(plausibility.told(case), case)})
     parts: dict[str, list[summary.Record]] = {
         "parameters": summary.case_parameters(case),
         "derived": summary.case_derived(case),
@@ -354,13 +365,15 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
         "axes": summary.case_axes(case),
     }
     tables = [summary.table(records) for records in parts.values() if records]
-    report({"title": case.title, **parts}, as_json, "\n\n".join([summary.case_head(case), *tables]))
+    head = [summary.case_head(case), plausibility.vitals_text(case), plausibility.accepted_text(told)]
+    facts = {"title": case.title, "vehicle": plausibility.vitals(case), "warnings": told, **parts}
+    report(facts, as_json, "\n\n".join(["\n".join(filter(None, head)), *tables]))
 
 
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
-    from freqrail import summary
+    from freqrail import plausibility, summary
     from freqrail.findings import is_confirmation
-    from freqrail.points import example_point
+    from freqrail.points import example_point, result_case
     from freqrail.storage import open_result
     from freqrail.untrusted import check_result
 
@@ -370,6 +383,7 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
     dataset = open_result(what)
+    told = _repeat_warnings(dataset)
     if is_confirmation(dataset):
         facts, lines = summary.confirmation_text(dataset, point)
         report(facts, as_json, *lines)
@@ -380,10 +394,12 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         return
     parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
     hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
+    case = result_case(dataset)
+    head = [summary.result_head(dataset), plausibility.vitals_text(case), plausibility.accepted_text(told)]
     report(
-        {"title": dataset.attrs.get("title", ""), **parts},
+        {"title": dataset.attrs.get("title", ""), "vehicle": plausibility.vitals(case), "warnings": told, **parts},
         as_json,
-        "\n\n".join([summary.result_head(dataset), *summary.result_tables(dataset), hint]),
+        "\n\n".join(["\n".join(filter(None, head)), *summary.result_tables(dataset), hint]),
     )
 
 
@@ -429,6 +445,17 @@ def _one_point(at: Sequence[str]) -> Any:
     if len(at) > 1:
         raise InputError(f"--at: given {len(at)} times; this command takes one point")
     return parse_point(at[0]) if at else None
+
+
+def _repeat_warnings(dataset: Any) -> list[dict[str, Any]]:
+    """Say again what was warned of when a result was computed; all that its file keeps of it, accepted or not."""
+    from freqrail.plausibility import recalled
+
+    told = recalled(dataset.attrs)
+    for record in told:
+        if not record["accepted"]:
+            warnings.warn(record["text"], FreqrailWarning, stacklevel=2)
+    return told
 
 
 # --- helpers ---------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from freqrail import grid
 from freqrail.case import Case
-from freqrail.names import COMPLIANCE_UNIT, COMPLIANCES, DIMENSIONS, PARAMETERS, RESPONSES
+from freqrail.names import COMPLIANCE_UNIT, COMPLIANCES, DIMENSIONS, PARAMETERS, RESPONSES, meaning
 from freqrail.plan import Plan, band_text
 from freqrail.quantities import Axis, cf_unit, parse_axis, typed_unit
 from freqrail.track import Band
@@ -77,7 +77,11 @@ def variables(plan: Plan) -> dict[str, Variable]:
                     "ancillary_variables": f"{prefix}{name}_rms_relative_error {prefix}status {prefix}method",
                 },
             )
-            error = {"units": "1", "long_name": f"estimated relative error of the {meaning}, {words}"}
+            error = {
+                "units": "1",
+                "long_name": f"estimated relative error of the computation of the {meaning}, {words}; numerical only: "
+                "it says nothing of the model or of its data",
+            }
             add(prefix, f"{name}_rms_relative_error", place, float, error)
         if plan.frequency is not None:
             for name in plan.names:
@@ -114,7 +118,7 @@ def skeleton(plan: Plan) -> xr.Dataset:
     """The coordinates and attributes of a sweep, without its variables."""
     coordinates: dict[str, Any] = {}
     for axis in plan.case.axes:
-        coordinates |= coordinate(axis)
+        coordinates |= coordinate(axis, plan.case.masses)
     used = {RESPONSES[name].dimension for name in plan.names}
     for dimension, (long_name, labels) in DIMENSIONS.items():
         if dimension in used:
@@ -145,27 +149,27 @@ def _arrange(values: NDArray, swept: list[str], squeeze: bool) -> NDArray:
     return np.asarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)), order="C")
 
 
-def coordinate(axis: Axis) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+def coordinate(axis: Axis, masses: str = "half") -> dict[str, tuple[str, NDArray, dict[str, str]]]:
     """A swept parameter as coordinates by name: (dimension, values, attributes with its unit).
 
-    A joint stiffness, which may be infinite, has its finite compliance beside it.
+    A joint stiffness, which may be infinite, has its finite compliance beside it. masses: see `Case`.
     """
     parameter = PARAMETERS[axis.name]
     values, unit = axis.values, parameter.shown_unit or cf_unit(axis.unit)
     if unit is None and cf_unit(parameter.unit):
         values, unit = axis.si, cf_unit(parameter.unit)
     # a fractional power, as of the contact constant's unit, is none of CF's
-    described = {"long_name": parameter.meaning} | ({"units": unit} if unit else {"user_units": axis.unit})
+    described = {"long_name": meaning(axis.name, masses)} | ({"units": unit} if unit else {"user_units": axis.unit})
     found = {axis.name: (axis.name, values, described)}
     if axis.name in COMPLIANCES:
-        found[COMPLIANCES[axis.name]] = (axis.name, *_compliance(axis.name, values))
+        found[COMPLIANCES[axis.name]] = (axis.name, *_compliance(axis.name, values, masses))
     return found
 
 
-def _compliance(joint: str, stiffness: NDArray) -> tuple[NDArray, dict[str, str]]:
+def _compliance(joint: str, stiffness: NDArray, masses: str) -> tuple[NDArray, dict[str, str]]:
     """Values and attributes of a joint's compliance, of its stiffness in MN/m."""
-    meaning = PARAMETERS[joint].meaning.replace("stiffness", "compliance")
-    return 1 / stiffness, {"long_name": f"{meaning}, the reciprocal of its stiffness", "units": COMPLIANCE_UNIT}
+    what = meaning(joint, masses).replace("stiffness", "compliance")
+    return 1 / stiffness, {"long_name": f"{what}, the reciprocal of its stiffness", "units": COMPLIANCE_UNIT}
 
 
 def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[()], NDArray, dict[str, str]]]:
@@ -184,7 +188,7 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
             axis = parse_axis(parameter, quantity.text)  # the very number of an axis
         else:
             axis = Axis(name, np.array([quantity.value]), parameter.unit, np.array([quantity.value]), quantity.text)
-        for key, (_, values, described) in coordinate(axis).items():
+        for key, (_, values, described) in coordinate(axis, case.masses).items():
             found[key] = ((), np.array(values[0]), described)
     ends: dict[str, tuple[float, str, str]] = {
         "band_lower_frequency": (0.0, "Hz", "lower limit of the band, frequency"),
@@ -205,8 +209,8 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
                 "upper limit of the band, wavelength of the track irregularity",
             ),
         }
-    for name, (end, unit, meaning) in ends.items():
-        found[name] = ((), np.array(end), {"long_name": meaning, "units": unit})
+    for name, (end, unit, what) in ends.items():
+        found[name] = ((), np.array(end), {"long_name": what, "units": unit})
     return found
 
 

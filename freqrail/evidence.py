@@ -295,7 +295,7 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         ),
     }
     for name in swept(run.dataset):
-        for key, (_, values, described) in coordinate(grid_axis(run.dataset, name)).items():
+        for key, (_, values, described) in coordinate(grid_axis(run.dataset, name), run.case.masses).items():
             coordinates[key] = ("point", values[[index[name] for index in run.indices]], described)
     coordinates |= scalar_coordinates(run.case, run.band)
     used = {RESPONSES[name].dimension for name in run.names} | {"axle"}
@@ -343,6 +343,7 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
             for model, fault in e.failures.items()
         ),
         "versions": json.dumps(versions),
+        "warnings": str(run.dataset.attrs.get("warnings", "")),
     }
     return {key: value for key, value in (described | conditions).items() if str(value) != ""}
 

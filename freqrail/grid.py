@@ -203,9 +203,10 @@ def psd(
             part = replace(study, vehicle=cut(study.vehicle, cell))
             column = part.vehicle.column().column()
             for name in study.names:
-                result[name][(slice(None), *cell)] = response_psd(
-                    SERIES[name], column, study.spectrum, frequency, study.speed[:, None]
-                )
+                density = response_psd(SERIES[name], column, study.spectrum, frequency, study.speed[:, None])
+                # a response spans only the axes that it depends on: the positions come before all of them
+                missing = tuple(range(1, 1 + result[name].ndim - density.ndim))
+                result[name][(slice(None), *cell)] = np.expand_dims(density, missing)
             progress(part.points)
     return result
 

@@ -382,8 +382,52 @@ DIMENSIONS: dict[str, tuple[str, tuple[str, ...] | tuple[int, ...]]] = {
 """Dimensions along which responses are resolved: (long name, labels)."""
 
 
+SHARED_BY_SIDES: tuple[str, ...] = tuple(
+    p.name
+    for p in _VEHICLE
+    if p.kind in ("mass", "moment of inertia", "stiffness", "damping") and p.name != "contact_stiffness"
+)
+"""What both sides of a vehicle share: with `masses = "whole"` it is given for both, and the model takes half."""
+
+
+def meaning(name: str, masses: str = "half") -> str:
+    """What a quantity means where `masses` is "half" or "whole": a bogie frame's mass, or half of it."""
+    words = PARAMETERS[name].meaning
+    if masses == "half" or name not in SHARED_BY_SIDES:
+        return words
+    if words.startswith("half of "):
+        return words.removeprefix("half of ")
+    if ", one side of" in words:
+        return words.replace(", one side of", ", both sides of")
+    return f"{words}, both sides together"
+
+
+# Words in the names of quantities that this model does not have, and what it has instead.
+_BEYOND = {
+    "front rear leading trailing first second": "front and rear are alike in this model",
+    "left right": "the model is one rail's share: left and right are alike",
+    "lateral yaw roll sway horizontal longitudinal traction": "the model moves vertically and pitches, no more",
+    "bending flexible elastic torsional": "the bodies of this model are rigid",
+    "rail sleeper ballast pad track": "the rail of this model is rigid",
+    "friction nonlinear clearance bumpstop": "the model is linear",
+}
+
+
+def _beyond(name: str) -> str:
+    parts = {"".join(c for c in part if c.isalpha()) for part in name.lower().split("_")}
+    return next((why for words, why in _BEYOND.items() if parts & set(words.split())), "")
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
-    """' (did you mean ...?)' with the nearest known name, or the list of names when none is near."""
+    """' (did you mean ...?)' with the nearest known name, or the list of names when none is near.
+
+    Of a quantity that the model cannot have, such as front_secondary_damping, it says so.
+    """
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    why = _beyond(name) if PARAMETERS.keys() & set(known) else ""
+    if why:
+        own = near and near[0] in PARAMETERS and set(near[0].split("_")) <= set(name.split("_"))
+        instead = f"; {near[0]} is the one value it takes" if own else ""
+        return f" ({why}{instead})"
     return f" (did you mean {near[0]}?)" if near else f" (known: {', '.join(known)})"

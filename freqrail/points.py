@@ -103,6 +103,23 @@ def locate(
     return indices
 
 
+def off_grid(
+    dataset: xr.Dataset, point: Point | None = None, origin: str = "--at"
+) -> tuple[dict[str, int], dict[str, Quantity]]:
+    """Where a point lies on a result's grid, and what of it does not: ({axis: index}, {axis: its value}).
+
+    A swept name that the point leaves out takes the case's scalar. Raises InputError for a named quantity that is
+    neither swept nor the case's own; `origin` is what its messages call the point.
+    """
+    axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
+    scalars = result_case(dataset).scalars
+    indices, faults = place_point(point or {}, axes, scalars)
+    off = {name: (point or {}).get(name) or scalars[name] for name in swept(dataset) if name in faults}
+    if faults.keys() - off.keys():
+        raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items() if name not in off))
+    return indices, off
+
+
 def confirmed_point(dataset: xr.Dataset, point: Point) -> int:
     """Place of a point among those of a confirmation. Raises InputError if it names none or several of them."""
     keep = np.ones(dataset.sizes["point"], dtype=bool)

@@ -14,12 +14,13 @@ import numpy as np
 import xarray as xr
 
 from freqrail import findings
+from freqrail.anew import find
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
 from freqrail.modal import modes
-from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
+from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE, meaning
 from freqrail.plan import band_text
-from freqrail.points import Point, axis_label, axis_unit, confirmed_point, locate, swept
+from freqrail.points import Point, axis_label, axis_unit, confirmed_point, swept
 from freqrail.quantities import printable, shown_value
 from freqrail.track import band_limits, standard_deviation
 from freqrail.vehicle import static_wheel_load
@@ -96,7 +97,7 @@ def case_parameters(case: Case) -> list[Record]:
             "given": quantity.text,
             "SI": quantity.value,
             "unit": PARAMETERS[name].unit,
-            "meaning": PARAMETERS[name].meaning,
+            "meaning": meaning(name, case.masses),
         }
         for name, quantity in case.quantities.items()
     ]
@@ -247,16 +248,19 @@ def result_tables(dataset: xr.Dataset) -> list[str]:
 
 
 def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
-    """One grid point as facts to print as JSON and as lines of text.
+    """One point as facts to print as JSON and as lines of text; one that the grid lacks is computed anew, and said so.
 
     Where it is, what has no result and why if so, and RMS with and without joints at every position.
     """
-    indices = locate(dataset, point)
+    found = find(dataset, point)
+    dataset, indices = found.dataset, found.index
     facts: Record = {
         "point": {name: float(dataset[name].values[i]) for name, i in indices.items()},
         "units": {name: axis_unit(dataset, name) for name in indices},
+        "computed_anew": list(found.anew),
     }
-    lines = [", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())]
+    where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
+    lines = [where, *filter(None, [found.note])]
     for prefix, words in MODELS.items():
         flags = dataset[f"{prefix}status"]
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))

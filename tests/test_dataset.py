@@ -281,6 +281,18 @@ def test_a_default_spectrum_covers_the_band():
     assert whole["frequency"].values[[0, -1]] == pytest.approx([0.01, 500.0], rel=1e-12)
 
 
+def test_spectra_of_responses_that_an_axis_does_not_touch_have_it_all_the_same():
+    """The bogies' pitch does not depend on the secondary damping; once such a sweep ended in a ValueError."""
+    axes = {**one_point(), "secondary_damping": "54 kN*s/m", "frequency": "1, 10 Hz"}
+    found = freqrail.sweep(CASE, over=axes, responses="all", psd=True)
+    two = freqrail.sweep(CASE, over={**axes, "secondary_damping": "27, 54 kN*s/m"}, responses="all", psd=True)
+    for name in ("bogie_pitch_acceleration_psd", "traditional_bogie_pitch_acceleration_psd"):
+        assert found[name].dims == two[name].dims
+        np.testing.assert_allclose(
+            two[name].isel(secondary_damping=0), found[name].isel(secondary_damping=0), rtol=1e-12
+        )
+
+
 # --- the digest --------------------------------------------------------------------------------------
 
 

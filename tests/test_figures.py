@@ -168,7 +168,7 @@ def test_a_foreign_dataset_and_an_unknown_format_are_refused(result, tmp_path):
 
 
 def test_without_spectra_the_hint_names_the_command_that_stores_them(result, speeds_only, draw):
-    assert "freqrail sweep yu-damper-joint --psd" in figures.hint(speeds_only)
+    assert "sweep the case anew with --psd" in figures.hint(speeds_only)
     assert list(draw(speeds_only)) == ["rms-against-speed"]
     assert figures.hint(result) is None
 
@@ -196,7 +196,7 @@ JOINT = "primary_joint_stiffness"
         (f"map-speed-{JOINT}", {"responses": "all"}),
         ("psd", {"responses": "bogie_acceleration,primary_stroke"}),
         (f"rms-against-{JOINT}", {JOINT: "0.5, 1, 5, 10, 50, 100, inf MN/m", "speed": "100:300:10 km/h"}),
-        ("map-speed-car_body_pitch_inertia", {"car_body_pitch_inertia": "1000000, 1100000, 1200000 kg*m^2"}),
+        ("map-speed-car_body_pitch_inertia", {"car_body_pitch_inertia": "1000000, 1010000, 1020000 kg*m^2"}),
     ],
 )
 def test_every_axis_has_its_unit_and_nothing_overlaps_or_is_cut_off(draw, name, options):
@@ -298,16 +298,34 @@ def test_the_slice_that_at_names_is_the_one_that_is_drawn(result, draw):
         )
         np.testing.assert_array_equal(values, expected)
     assert np.all(soft[1] > 1.1 * by_default[1])  # a soft secondary joint costs ride
-    with pytest.raises(InputError, match=r"secondary_joint_stiffness.*the nearest value is 5 MN/m"):
-        drawn("secondary_joint_stiffness=3 MN/m")
+    with pytest.raises(InputError, match=r"bogie_mass: is not swept, the case has 600 kg"):
+        drawn("bogie_mass=3 t")
 
 
-def test_a_case_value_off_the_grid_gives_the_nearest_slice_and_the_caption_says_which(draw):
-    dataset = sweep(secondary_joint_stiffness="1, 4 MN/m", responses="bogie_acceleration")
-    figure = draw(dataset, "rms-against-speed-primary_joint_stiffness")
-    assert caption(figure).startswith("$K_{sd}$ = 4 MN/m")
-    expected = front(dataset, "bogie_acceleration", secondary_joint_stiffness=4, primary_joint_stiffness=5)
-    np.testing.assert_array_equal(lines(figure.axes[0])[1].get_ydata(), expected)
+@pytest.mark.parametrize(
+    ("at", "stiffness", "shown"), [(None, "5 MN/m", "5 MN/m"), ("secondary_joint_stiffness=inf", "inf", "∞ (rigid)")]
+)
+def test_a_value_off_the_grid_is_computed_anew_and_the_caption_says_so(draw, at, stiffness, shown):
+    """The case's own 5 MN/m too, of which a logarithmic axis never holds the like."""
+    dataset = sweep(secondary_joint_stiffness="log:1:40:4 MN/m", responses="bogie_acceleration")
+    figure = draw(dataset, "rms-against-speed-primary_joint_stiffness", at)
+    assert caption(figure).startswith(f"$K_{{sd}}$ = {shown} (computed anew)")
+    exact = front(sweep(secondary_joint_stiffness=stiffness), "bogie_acceleration", primary_joint_stiffness=5)
+    np.testing.assert_allclose(lines(figure.axes[0])[1].get_ydata(), exact.squeeze(), rtol=1e-8)
+    assert f"secondary_joint_stiffness = {stiffness} is not on" in figures.note(dataset, at and parse_point(at))
+    drawn_whole = draw(dataset, "rms-against-secondary_joint_stiffness")
+    assert "computed anew" not in caption(drawn_whole)
+
+
+def test_values_are_labelled_with_three_digits_and_with_more_where_they_would_read_alike(draw):
+    dataset = sweep(secondary_joint_stiffness="log:0.7:70:4 MN/m", responses="bogie_acceleration")
+    second = f"secondary_joint_stiffness={dataset.secondary_joint_stiffness.values[1]} MN/m"
+    held = caption(draw(dataset, "rms-against-speed-primary_joint_stiffness", second))
+    assert held.startswith("$K_{sd}$ = 3.25 MN/m,")
+    assert "3.25 MN/m" in legend_texts(draw(dataset, "rms-against-speed-secondary_joint_stiffness"))
+    close = sweep(secondary_joint_stiffness="5.001, 5.002 MN/m", responses="bogie_acceleration")
+    labels = legend_texts(draw(close, "rms-against-speed-secondary_joint_stiffness"))
+    assert {"5.001 MN/m", "5.002 MN/m"} <= set(labels)
 
 
 def test_the_map_has_a_cell_a_grid_point_centred_on_it(result, draw):
