@@ -58,7 +58,7 @@ _AT = click.option(
     multiple=True,
     shell_complete=completion.point,
     help='A point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the case\'s own '
-    "value. show and plot compute one that is not on the grid anew.",
+    "value. One that is not on the grid is computed anew.",
 )
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 

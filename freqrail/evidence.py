@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from freqrail.findings import CHECKS, series_labels, series_of
 from freqrail.names import DIMENSIONS, RESPONSES
 from freqrail.plan import band_text
 from freqrail.points import grid_axis, swept
+from freqrail.quantities import Axis, unit_factor
 from freqrail.references import References
 from freqrail.response import wheel_lags
 from freqrail.runs import Run
@@ -198,6 +200,11 @@ def _by_point(run: Run, evidence: Sequence[Evidence], found: Sequence[References
     speed = np.array([[[point.speed]] for point in run.points])
     judged = verdicts.tolerance_verdicts(simulated / closed - 1, np.full(closed.shape, TRACK_TOLERANCE))
     return {
+        "computed_anew": (
+            "point",
+            np.array([bool(place.anew) for place in run.places], dtype=np.int8),
+            flags(("on_the_grid", "computed_anew"), "whether the result's grid lacks the point"),
+        ),
         "verdict_track": (
             ("point", "wavelength_range"),
             judged,
@@ -295,8 +302,8 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         ),
     }
     for name in swept(run.dataset):
-        for key, (_, values, described) in coordinate(grid_axis(run.dataset, name), run.case.masses).items():
-            coordinates[key] = ("point", values[[index[name] for index in run.indices]], described)
+        for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case.masses).items():
+            coordinates[key] = ("point", values, described)
     coordinates |= scalar_coordinates(run.case, run.band)
     used = {RESPONSES[name].dimension for name in run.names} | {"axle"}
     for dimension in (dimension for dimension in DIMENSIONS if dimension in used):
@@ -304,6 +311,15 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         values = np.array(labels, dtype=np.int32 if isinstance(labels[0], int) else None)
         coordinates[dimension] = (dimension, values, {"long_name": long_name})
     return coordinates
+
+
+def _axis_of_points(run: Run, name: str) -> Axis:
+    """A swept parameter's value at every point, in the result's unit whether the point is on its grid or not."""
+    axis = grid_axis(run.dataset, name)
+    factor = float(unit_factor(axis.unit)[0])
+    si = [grid_axis(place.dataset, name).si[place.index[name]] for place in run.places]
+    values = [si[n] / factor if place.anew else axis.values[place.index[name]] for n, place in enumerate(run.places)]
+    return replace(axis, values=np.array(values), si=np.array(si))
 
 
 def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
@@ -356,7 +372,8 @@ def _stored(run: Run, kind: str) -> NDArray[np.float64]:
         for model, prefix in enumerate(("", "traditional_")):
             if f"{prefix}{name}_{kind}" in run.dataset:
                 variable = run.dataset[f"{prefix}{name}_{kind}"]
-                for point, index in enumerate(run.indices):
-                    at = {dim: i for dim, i in index.items() if dim in variable.dims}
-                    rows[point, model, part] = variable.isel(at).values
+                for point, place in enumerate(run.places):
+                    at = {dim: i for dim, i in place.index.items() if dim in variable.dims}
+                    if not place.anew:
+                        rows[point, model, part] = variable.isel(at).values
     return rows

@@ -51,7 +51,8 @@ def problems(dataset: xr.Dataset) -> list[str]:
             model = [f"{dataset['model'].values[m]} model" for m in index[1:]]
             where = ", ".join([str(dataset["place"].values[index[0]]), *model])
             lines.append(f"{where}: {check.replace('_', ' ')} check {how}: {shown}{_remark(dataset, check, index)}")
-    if (dataset["verdict_result"].values == verdicts.NOT_CHECKED).all():
+    held = dataset["verdict_result"].values[dataset["computed_anew"].values == 0]
+    if held.size and (held == verdicts.NOT_CHECKED).all():
         lines.append("nothing of the result was checked: it has no number at the points confirmed")
     return lines
 

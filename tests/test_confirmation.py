@@ -65,7 +65,7 @@ def lines(capsys) -> list[str]:
 def test_the_cases_own_points_are_confirmed_unless_others_are_named(result, confirmed):
     assert confirmed["speed"].values.tolist() == [250, 300]
     assert confirmed["primary_joint_stiffness"].values.tolist() == [5, 5]
-    assert [index["speed"] for index in plan_run(result, AT[1], **QUICK).indices] == [1]
+    assert [place.index["speed"] for place in plan_run(result, AT[1], **QUICK).places] == [1]
 
 
 def test_the_dataset_has_the_names_and_dimensions_of_the_design(confirmed):
@@ -289,23 +289,45 @@ def test_the_power_is_told_for_each_response_and_check(confirmed):
 
 def test_of_the_cases_points_those_on_a_narrowed_grid_will_do():
     """The case names 100, 250 and 300 km/h."""
-    with pytest.warns(FreqrailWarning, match=r"is off the grid; the nearest value is 2[56]0 km/h: left out") as told:
+    with pytest.warns(
+        FreqrailWarning, match=r"speed = [13]00 km/h is off the grid: left out; name it with --at"
+    ) as told:
         run = plan_run(freqrail.sweep("yu-damper-joint", {"speed": "250, 260 km/h"}), **QUICK)
     assert len(told) == 2
     assert [point.speed for point in run.points] == [pytest.approx(250 / 3.6)]
-    with pytest.raises(InputError) as refused:
-        plan_run(freqrail.sweep("yu-damper-joint", {"speed": "260 km/h"}), **QUICK)
-    named = re.search(r'name one, as in --at "(.+)"$', refused.value.problems[-1])[1]
-    assert plan_run(freqrail.sweep("yu-damper-joint", {"speed": "260 km/h"}), at=named, **QUICK).points[0].speed > 72
+
+
+def test_if_none_of_them_is_on_the_grid_they_are_computed_anew():
+    with pytest.warns(FreqrailWarning, match=r"computed anew: speed = \d+ km/h is not on the result's grid") as told:
+        run = plan_run(freqrail.sweep("yu-damper-joint", {"speed": "260 km/h"}), **QUICK)
+    assert len(told) == 3
+    assert [point.speed for point in run.points] == pytest.approx([100 / 3.6, 250 / 3.6, 300 / 3.6])
+
+
+def test_the_cases_own_value_on_a_logarithmic_axis_is_computed_anew_and_confirmed():
+    fine = sweep(over={"primary_joint_stiffness": "log:1:50:4 MN/m", "secondary_joint_stiffness": "5 MN/m"})
+    at = "primary_joint_stiffness=5000 kN/m"
+    with pytest.warns(FreqrailWarning, match=r"computed anew: primary_joint_stiffness = 5 MN/m is not on the result"):
+        found = freqrail.confirm(fine, at=[at, "primary_joint_stiffness=1 MN/m"], **QUICK)
+    assert found.computed_anew.values.tolist() == [1, 0]
+    np.testing.assert_allclose(found.primary_joint_stiffness, [5, 1], rtol=1e-12)
+    np.testing.assert_allclose(found.primary_joint_compliance, [0.2, 1], rtol=1e-12)
+    assert findings.problems(found) == []
+    assert (found.verdict_result[0] == 3).all()  # the file holds no number there
+    assert (found.verdict_result[1] == 0).all()
+    assert findings.not_checked(found) == ["result check: 22 of 44 not checked (the result has no number there)"]
+    # and it is the number of that very vehicle
+    own = sweep(over={"primary_joint_stiffness": "5 MN/m", "secondary_joint_stiffness": "5 MN/m"}).squeeze()
+    here = found.bogie_acceleration_rms_frequency_domain.sel(point=1, model="joint")
+    np.testing.assert_allclose(here, own.bogie_acceleration_rms.sel(speed=250), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"at": "speed=260 km/h"}, "off the grid; the nearest value is 250 km/h"),
         ({"at": "sped=250 km/h"}, "unknown name (did you mean speed?)"),
         ({"at": "bogie_mass=650 kg"}, "is not swept"),
-        ({"at": [AT[0], AT[0]]}, "the same grid point as point 1"),
+        ({"at": [AT[0], AT[0]]}, "the same point as point 1"),
         ({"seed": -1}, "--seed: must be a whole number from 0 to"),
         ({"seed": 2**63 + 1}, "--seed: must be"),
         ({"seed": 1.5}, "--seed: must be"),
@@ -333,12 +355,6 @@ def test_all_faults_are_told_at_once(result):
     with pytest.raises(InputError) as fault:
         plan_run(result, seed=-1, realisations=0, duration="x", band="y")
     assert len(fault.value.problems) == 4
-
-
-def test_a_point_of_the_case_that_is_off_the_grid_is_named_by_its_number():
-    stray = sweep(over={"speed": "200, 300 km/h"}, points='[confirm]\npoints = [{ speed = "250 km/h" }]\n')
-    with pytest.raises(InputError, match=r"\[confirm\].points: point 1: speed: .*nearest value is 200|300 km/h"):
-        plan_run(stray, **QUICK)
 
 
 def test_a_confirmation_cannot_be_confirmed(confirmed):
