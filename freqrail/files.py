@@ -18,6 +18,7 @@ from freqrail.errors import FileError
 
 _UNFINISHED = "unfinished"  # stem of the file in the folder beside a target
 _LONGEST_SUFFIX = len(b"..journal-journal")  # what the names of the files beside a target add to its own
+_IN_THE_WAY = "is in the way of a temporary file, and none of freqrail's; remove it"
 _OPEN_FILES = Path("/proc/self/fd")
 
 
@@ -67,9 +68,12 @@ def spelled(path: Path) -> Iterator[Path]:
 
 
 def check_name(target: Path) -> None:
-    """Raise FileError for an output whose name cannot be written here, before anything is computed."""
+    """Raise FileError for an output that cannot be written under this name, before anything is computed."""
     if len(os.fsencode(target.name)) + _LONGEST_SUFFIX > _longest_name(target.parent):
         raise FileError(f"{target}: this name is too long with those of the files beside it; name a shorter one")
+    folder = _folder_beside(target)
+    if os.path.lexists(folder) and not is_leftover(folder):
+        raise FileError(f"{folder}: {_IN_THE_WAY}")
     if not _is_plain(target) and not _OPEN_FILES.is_dir():
         raise FileError(f"{target}: a backslash, or bytes that are not UTF-8, in the path; name another with -o")
 
@@ -101,13 +105,13 @@ def replacing(target: Path, ready: Callable[[Path], object] = lambda whole: None
     ready: called with it when it is whole, just before. Raises FileError if something that no run of this program left
     stands in the way, OSError for what the disk does not take; the target is then what it was before.
     """
-    folder = target.with_name(f".{target.name}.partial")
+    folder = _folder_beside(target)
     unfinished = folder / f"{_UNFINISHED}{target.suffix}"
     try:
         folder.mkdir(mode=0o700)
     except FileExistsError:
         if not is_leftover(folder):
-            raise FileError(f"{folder}: is in the way of a temporary file, and not freqrail's; remove it") from None
+            raise FileError(f"{folder}: {_IN_THE_WAY}") from None
         shutil.rmtree(folder)
         folder.mkdir(mode=0o700)
     try:
@@ -121,6 +125,10 @@ def replacing(target: Path, ready: Callable[[Path], object] = lambda whole: None
         unfinished.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             folder.rmdir()
+
+
+def _folder_beside(target: Path) -> Path:
+    return target.with_name(f".{target.name}.partial")
 
 
 def is_leftover(folder: Path) -> bool:

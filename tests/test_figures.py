@@ -6,6 +6,7 @@ import errno
 import itertools
 import re
 import sys
+from xml.etree import ElementTree
 
 import matplotlib
 import numpy as np
@@ -146,6 +147,15 @@ def test_only_the_folder_itself_is_made_not_its_parents(speeds_only, tmp_path):
     with pytest.raises(FileError, match="file: this folder cannot be made"):
         freqrail.plot(speeds_only, tmp_path / "file")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("character", ["\x1b", "\x07", "\x0b", "\ufffe", "\uffff", "\U0001fffe", "\x85"])
+def test_a_title_of_any_characters_makes_figures_that_xml_readers_take(speeds_only, tmp_path, character):
+    (path,) = freqrail.plot(speeds_only.assign_attrs(title=f"a{character}<&>ü"), tmp_path, format="svg")
+    text = path.read_text(encoding="utf-8")
+    assert character not in text
+    titles = [e.text for e in ElementTree.fromstring(text).iter("{http://purl.org/dc/elements/1.1/}title")]
+    assert titles[0] == f"a{repr(character)[1:-1]}<&>ü"
 
 
 # --- what cannot be drawn --------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import freqrail
-from freqrail import cli, files, storage
+from freqrail import cli, files, grid, storage
 from freqrail.errors import FileError
 
 SWEEP = ["sweep", "yu-damper-joint", "--over", "speed=250 km/h", "-o", "o.nc"]
@@ -21,9 +21,18 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("beside", [".o.nc.partial", ".o.nc.journal", ".o.nc.journal-journal", ".o.nc.lock"])
-@pytest.mark.parametrize("planted", ["link", "dangling link", "file", "pipe"])
-def test_what_stands_in_the_way_is_left_alone(beside, planted, here, capsys):
+# a file of that name beside a journal is SQLite's own
+@pytest.mark.parametrize(
+    ("beside", "planted"),
+    [
+        (beside, planted)
+        for beside in (".o.nc.partial", ".o.nc.journal", ".o.nc.journal-journal", ".o.nc.lock")
+        for planted in ("link", "dangling link", "file", "pipe")
+        if (beside, planted) != (".o.nc.journal-journal", "file")
+    ],
+)
+def test_what_stands_in_the_way_is_left_alone_and_found_before_computing(beside, planted, here, capsys, monkeypatch):
+    monkeypatch.delattr(grid, "solve")
     Path("precious").write_bytes(PRECIOUS)
     if planted == "file":
         Path(beside).write_bytes(PRECIOUS)
@@ -31,8 +40,6 @@ def test_what_stands_in_the_way_is_left_alone(beside, planted, here, capsys):
         os.mkfifo(beside)
     else:
         os.symlink("precious" if planted == "link" else "nowhere", beside)
-    if (planted, beside) == ("file", ".o.nc.journal-journal"):
-        return  # what SQLite left there is SQLite's
     assert cli.run(SWEEP) == 4
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"freqrail: error: {beside}: is in the way")
@@ -75,9 +82,14 @@ def test_a_folder_at_the_temporary_name_that_holds_anything_else_is_not(here, ca
 
 def test_a_file_is_whole_or_what_it_was(here):
     Path("f").write_bytes(PRECIOUS)
-    with pytest.raises(KeyboardInterrupt), files.replacing(Path("f")) as path:
-        path.write_bytes(b"half")
-        raise KeyboardInterrupt
+
+    def interrupted() -> None:
+        with files.replacing(Path("f")) as path:
+            path.write_bytes(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert Path("f").read_bytes() == PRECIOUS
     assert os.listdir() == ["f"]
     with files.replacing(Path("f")) as path:
