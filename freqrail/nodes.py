@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import rms
-from freqrail.partial_fractions import Resonances, chain_poles, resonances
+from freqrail.partial_fractions import EPSILON, Resonances, chain_poles, resonances
 from freqrail.response import SERIES
 from freqrail.study import Study, cut
 from freqrail.track import RationalSpectrum, kinks, singular_points
@@ -77,16 +77,18 @@ def every_pole(found: Mapping[str, Resonances]) -> NDArray[np.complex128]:
 def lost(study: Study, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.float64]]:
     """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it.
 
-    inf where a resonance inside the band may have been missed.
+    inf where a resonance inside the band may have been missed. The lags' phases are known to the rounding of the
+    highest frequency times the longest lag.
     """
+    highest = WHOLE_AXIS_REACH * np.max(np.abs(every_pole(found).imag), initial=1.0)
+    phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * _longest_lags(study)
     result = {}
     for name in study.names:
         chains = [found[chain] for chain in SERIES[name].chains]
         shift = np.concatenate([each.shift for each in chains])
         errors = np.concatenate([each.errors.get(SERIES[name].quantity, each.shift) for each in chains])
-        result[name] = rms.rounding(
-            every_pole({str(k): each for k, each in enumerate(chains)}), study.limits, shift, errors
-        )
+        among = every_pole({str(k): each for k, each in enumerate(chains)})
+        result[name] = rms.rounding(among, study.limits, shift, errors) + phase
         if not all(each.known.all() for each in chains):
             result[name] = np.full_like(result[name], np.inf)
     return result
@@ -166,8 +168,13 @@ def _fewest_nodes(study: Study, resonances: NDArray[np.complex128]) -> float:
 
 def _longest_lag(study: Study) -> float:
     """The last wheel's lag behind the first at the lowest speed, s (eq. 2), the largest of all vehicles'."""
+    return float(np.max(_longest_lags(study)))
+
+
+def _longest_lags(study: Study) -> NDArray[np.float64]:
+    """The same at every speed, [speeds]."""
     vehicle = study.vehicle
-    return float(np.max(vehicle.half_bogie_spacing + vehicle.half_wheelbase)) * 2 / float(study.speed.min())
+    return float(np.max(vehicle.half_bogie_spacing + vehicle.half_wheelbase)) * 2 / study.speed
 
 
 def _sample(vehicle: Vehicle) -> Vehicle:

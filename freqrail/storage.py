@@ -89,7 +89,8 @@ def lock(target: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout, UnixFileLock  # only where something is written
 
     path = target.with_name(f".{target.name}.lock")
-    files.check_beside(path, "the lock", empty=True)
+    # the lock of a system without fcntl holds the number of its process
+    files.check_beside(path, "the lock", empty=FileLock is UnixFileLock)
     held = FileLock(path, timeout=0)
     try:
         held.acquire()

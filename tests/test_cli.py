@@ -222,7 +222,13 @@ def test_a_point_without_a_result_says_why(here, capsys):
     over = ["--over", "speed=250 km/h", "--over", "primary_damping=0, 17 kN*s/m", *SMALL[2:]]
     assert run(["sweep", "yu-damper-joint", *over, "-o", "u.nc"]) == 3
     assert run(["show", "u.nc", "--at", "primary_damping=0 kN*s/m"]) == 0
-    assert "no result, status undamped" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "model with damper joints: no result for primary_stroke, status undamped" in told
+    assert len([line for line in told.splitlines() if "nan" in line]) == 4  # the axles
+    still = ["--set", "primary_damping=0 N*s/m", "--set", "secondary_damping=0 N*s/m"]
+    assert run(["sweep", "yu-damper-joint", *SMALL, *still, "-o", "v.nc"]) == 3
+    assert run(["show", "v.nc", "--at", "speed=250 km/h"]) == 0
+    assert "model with damper joints: no result, status undamped" in capsys.readouterr().out
 
 
 def test_a_band_that_takes_in_the_rigid_rail_resonance_is_warned_of(here, capsys):
@@ -254,7 +260,9 @@ def test_json_of_a_point_says_where_and_why(here, capsys):
     assert facts["point"]["primary_damping"] == 0
     assert facts["units"]["primary_damping"] == "kN*s/m"
     assert (facts["status"], facts["traditional_status"]) == ("undamped", "undamped")
-    assert {record["RMS"] for record in facts["numbers"]} == {None}
+    lacking = {record["variable"] for record in facts["numbers"] if record["RMS"] is None}
+    assert lacking == {"primary_stroke_rms"}
+    assert all(record["RMS"] for record in facts["numbers"] if record["variable"] not in lacking)
     assert run(["show", "u.nc", "--at", "primary_damping=17 kN*s/m"]) == 0
     assert "no result" not in capsys.readouterr().out
 

@@ -20,9 +20,7 @@ from freqrail.evidence import label
 from freqrail.runs import plan_run
 from freqrail.verdicts import CONFIRMED, NOT_CHECKED, OUTSIDE
 
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:the simulation .* would have seen no fault below", "ignore:.*resonance on the rigid rail"
-)
+pytestmark = pytest.mark.filterwarnings("ignore::freqrail.errors.FreqrailWarning")
 
 OVER = {"speed": "100 km/h", "primary_joint_stiffness": "5 MN/m", "secondary_joint_stiffness": "5 MN/m"}
 QUICK = {

@@ -178,7 +178,7 @@ def _great_errors(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome
     labels = [f"{RESPONSES[response].long_name}, {joint.split('_')[0]} joint" for response, joint in apart]
     words = "; ".join(f"{label} {extent(d, False)}" for label, d in zip(labels, apart.values(), strict=True))
     # the two joints need not have the same stiffnesses: NaN where a scan has no such point
-    far = [(d > t.great).astype(float) for d in apart.values()]
+    far = [(d > t.great).astype(float).reset_coords(drop=True) for d in apart.values()]
     true = xr.concat(far, xr.DataArray(labels, dims="scan", name="scan"), join="outer")
     return Outcome(true, f"{words}; more than {whole(t.great)} is due", ("great", "region"))
 

@@ -108,7 +108,8 @@ def _within(name: str, value: float) -> float:
     parameter = PARAMETERS[name]
     if math.isinf(value) and parameter.infinite:
         return value
-    return min(max(value, parameter.lower), parameter.upper)
+    low, high = parameter.plausible
+    return min(max(value, parameter.lower, low), parameter.upper, high)
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
