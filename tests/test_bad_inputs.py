@@ -434,15 +434,6 @@ def test_plots_are_drawn_anew_into_their_own_folder_but_not_over_a_figure_that_w
     assert contents(here) == before
 
 
-def test_a_value_left_out_that_is_off_the_grid_is_named_with_the_value_to_give(here, capsys):
-    assert run([*SWEEP, *over(speed="100, 240 km/h"), "-o", "off.nc"]) == 0
-    capsys.readouterr()
-    words = (
-        'case\'s own value "250 km/h" is off the grid; the nearest value is 240 km/h: name it, as in "speed=240 km/h"'
-    )
-    refuses(["confirm", "off.nc", "--at", "primary_joint_stiffness=5 MN/m"], 2, words, capsys)
-
-
 # --- input and output, exit 4 ----------------------------------------------------------------------
 
 

@@ -26,7 +26,7 @@ class Absent:
 sys.meta_path.insert(0, Absent())
 for name in ("fcntl", "resource", "termios", "grp", "pwd"):
     sys.modules.pop(name, None)
-for name in ("sysconf", "sched_getaffinity", "O_NOFOLLOW"):
+for name in ("sysconf", "sched_getaffinity", "O_NOFOLLOW", "fchdir"):
     delattr(os, name)
 opened, flushed, real_open, real_fsync = {}, [], os.open, os.fsync
 
