@@ -346,7 +346,8 @@ def _free_wheelset(
     still = -p * p * above / (vehicle.contact_stiffness + masses[-1] * p * p)
     below = np.abs(p) ** 2 < 0.1 * vehicle.contact_stiffness / vehicle.wheelset_mass
     cancelled = EPSILON * _cancelling(vehicle.contact_stiffness, masses[-1] * p * p)  # of q
-    joined = (np.abs(stiffness) * leg_error + np.abs(resistance) * cancelled) / np.abs(stiffness + resistance)
+    with np.errstate(all="ignore"):  # where the numbers overflow there is no error to tell, and no result
+        joined = (np.abs(stiffness) * leg_error + np.abs(resistance) * cancelled) / np.abs(stiffness + resistance)
     up_error = errors["bogie"] + joined + leg_error + 4 * EPSILON
     still_error = force_error + cancelled + 4 * EPSILON
     chosen = np.where(beyond, up, np.where(below, still, ratios["wheelset"]))
