@@ -224,7 +224,9 @@ def _band_concerns(case: Case) -> list[Concern]:
         found.append(_judged(case, "wheelset_resonance", np.array(ratio), _advice(case, "frequency"), measured))
     if case.band and case.spectrum.name.startswith("german"):  # of the whole axis the resonance's concern says it
         ends = np.array(wavelengths(case.band, case.speeds()))
-        found.append(_judged(case, "wavelengths", ends, _advice(case, "wavelength")))
+        # of the band at all speeds, at no one corner of the grid
+        words = f"{CRITERIA['wavelengths'].what} {_span(*ends)} m"
+        found.append(_judged(case, "wavelengths", ends, _advice(case, "wavelength"), words))
     return [concern for concern in found if concern]
 
 

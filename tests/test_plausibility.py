@@ -225,6 +225,13 @@ def test_contact_lost_is_told_and_a_train_that_keeps_it_is_not(paper_case):
     assert force >= contact_force_rms(one, rough.spectrum, speed, rough.band).max() / load > 1 / 3
 
 
+def test_the_bands_wavelengths_are_of_no_corner_of_the_grid():
+    """With one swept joint, two ends of a range must not be taken for two corners."""
+    over = {"primary_joint_stiffness": "1, 5 MN/m", "secondary_joint_stiffness": "5 MN/m", "speed": "100, 200 km/h"}
+    case = load_case(CASE, {"frequency": "0.001:30 Hz"}, over)
+    assert "primary_joint_stiffness" not in told(replace(case, axes=case.axes[:1]))["wavelengths"].text
+
+
 def test_numbers_beyond_all_measure_are_judged_at_once(paper_vehicle, german_low):
     absurd = replace(paper_vehicle, car_body_mass=1e300, bogie_mass=1e-300)
     assert np.isnan(contact_force_rms(absurd, german_low, 70.0, Band("frequency", 0.1, 100))).all()
