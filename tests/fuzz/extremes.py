@@ -14,10 +14,10 @@ import numpy as np
 
 import freqrail
 from freqrail.case import build_case
-from freqrail.casefile import shipped_cases
 from freqrail.errors import FreqrailError
-from freqrail.grid import STATUS
-from freqrail.names import JOINTS, PARAMETERS
+from freqrail.grid import STATUS, TOLERANCE
+from freqrail.names import JOINTS, PARAMETERS, RESPONSES
+from freqrail.shipped import shipped_cases
 from freqrail.summary import case_derived, mode_records
 
 SECONDS = 60  # of processor time that one point may take, both models
@@ -105,9 +105,15 @@ def one(settings: dict[str, str], over: dict[str, str]) -> str:
     with contextlib.suppress(FreqrailError):  # numbers too far apart for double precision
         mode_records(case)
     result = freqrail.sweep(case, responses="all")
-    for name, variable in result.data_vars.items():
-        if name.endswith("_rms"):
-            status = int(result["traditional_status" if name.startswith("traditional") else "status"].values.item())
-            assert np.isfinite(variable.values).all() == (status == 0), f"{name}: a number without a promise"
-            assert not np.any(variable.values < 0), f"{name}: below 0"
+    for prefix in ("", "traditional_"):
+        status = int(result[f"{prefix}status"].values.item())
+        finite = []
+        for response in RESPONSES:
+            name = f"{prefix}{response}_rms"
+            has, error = np.isfinite(result[name].values), result[f"{name}_relative_error"].values
+            assert np.all(error[has] <= TOLERANCE), f"{name}: a number without a promise"
+            assert not np.any(result[name].values < 0), f"{name}: below 0"
+            finite.append(has.all())
+        # the status is the gravest of the values': ok if, and only if, none is missing
+        assert all(finite) == (status == 0), f"{prefix}status {status}: {finite}"
     return STATUS[int(result.status.values.item())]
