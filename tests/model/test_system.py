@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plain_vehicles import MAKERS, as_system, dense_response, dense_rows, places
 
 from freqrail import vehicle as old
 from freqrail.model.assembled import state_space
@@ -11,7 +12,6 @@ from freqrail.model.elements import Inerter, Spring
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.model.system import Freedom, Leg, System, Wheel, evaluate, structure
 from freqrail.response import SERIES
-from plain_vehicles import MAKERS, as_system, dense_response, dense_rows, places
 
 RATIONAL = [kind for kind in MAKERS if kind != "irrational laws"]
 
