@@ -107,7 +107,42 @@ def _struts(system: System, rows: Form, basis: NDArray[np.float64]) -> tuple[Str
             group.append((unit, [(k, factor)]))
     struts = []
     for (law, wheel), group in found.items():
-        for unit, members in group:
+        fewer = _fewest(group)
+        for unit, members in group if fewer is None else []:
             size = float(np.sqrt(sum(factor**2 for _, factor in members)))
             struts.append(Strut(law, size * unit, tuple((k, factor / size) for k, factor in members), wheel))
+        for row, members in fewer or []:
+            struts.append(Strut(law, row, tuple(members), wheel))
     return tuple(sorted(struts, key=lambda strut: strut.wheel))
+
+
+Group = list[tuple[NDArray[np.float64], list[tuple[int, float]]]]
+
+
+def _fewest(group: Group) -> Group | None:
+    """Rows R and weights Q of legs with rows P = Q R, Q^T Q = 1, where fewer do than there are directions; else None.
+
+    Three wheelsets of a bogie, for one, rest in two of their motions on what four rows would tell twice over.
+    """
+    units = np.array([unit for unit, _ in group])
+    if len(group) < 2 or np.any(units[..., 1:]):
+        return None
+    legs = np.array([factor * unit[:, 0] for unit, members in group for _, factor in members])
+    size = float(np.max(np.abs(legs)))
+    if np.linalg.matrix_rank(legs, tol=1e-9 * size) == len(group):
+        return None
+    rest, rows = legs.T @ legs, []
+    while np.max(np.diag(rest)) > 1e-12 * size**2:  # Cholesky's factor, pivoted
+        pivot = int(np.argmax(np.diag(rest)))
+        row = rest[pivot] / np.sqrt(rest[pivot, pivot])
+        row = np.where(np.abs(row) > SAME * size, row, 0.0)
+        rest = rest - np.outer(row, row)
+        rows.append(row)
+    weights = legs @ np.linalg.pinv(np.array(rows))
+    names = [k for _, members in group for k, _ in members]
+    form = np.zeros((len(rows), *units.shape[1:]))
+    form[..., 0] = rows
+    return [
+        (form[j], [(k, float(w)) for k, w in zip(names, weights[:, j], strict=True) if abs(w) > SAME])
+        for j in range(len(rows))
+    ]

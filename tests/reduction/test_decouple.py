@@ -19,7 +19,7 @@ FOUND = {  # (size, inputs) of the blocks
     "front and rear differ": [(6, 2), (2, 1), (2, 1)],
     "pivots off centre": [(10, 4)],
     "three-axle bogies": [(3, 1), (3, 1), (2, 1), (2, 1), (1, 1), (1, 1)],
-    "three axles, off centre": [(10, 6), (1, 1), (1, 1)],
+    "three axles, off centre": [(10, 4), (1, 1), (1, 1)],
     "one bending mode": [(4, 1), (3, 1), (2, 1), (2, 1)],
     "two bending modes": [(4, 1), (4, 1), (2, 1), (2, 1)],
     "two coupled cars": [(6, 2), (3, 1), (3, 1), (2, 1), (2, 1), (2, 1), (2, 1)],
