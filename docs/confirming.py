@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 import freqrail
-from freqrail.timedomain import Point, plain_run
+from freqrail.timedomain import Point
+from freqrail.usual_run import plain_run
 
 LIMITS, DURATION = (0.1, 90.0), 20.0  # Hz; s
 STEP, FINE = 0.005, 0.001  # s between samples of the track

@@ -21,7 +21,7 @@ from freqrail.version import __version__
 # `import freqrail` cost nothing.
 _PUBLIC = {
     "load_case": "case",
-    "shipped_cases": "casefile",
+    "shipped_cases": "shipped",
     "sweep": "campaign",
     "confirm": "confirmation",
     "open_result": "storage",
@@ -51,12 +51,12 @@ __all__ = [
 if TYPE_CHECKING:
     from freqrail.campaign import sweep
     from freqrail.case import load_case
-    from freqrail.casefile import shipped_cases
     from freqrail.confirmation import confirm
     from freqrail.errors import FreqrailError, FreqrailWarning
     from freqrail.figures import plot
     from freqrail.modal import modes
     from freqrail.replication.folder import replicate
+    from freqrail.shipped import shipped_cases
     from freqrail.storage import open_result, write_result
 
 

@@ -13,12 +13,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import blocks, dataset, grid, storage
+from freqrail import blocks, dataset, grid, plausibility, storage
 from freqrail.blocks import Block
 from freqrail.case import Case, load_case
 from freqrail.errors import InputError
 from freqrail.journal import Journal
-from freqrail.plan import Plan, check_memory, warn_of_rigid_rail
+from freqrail.plan import Plan, check_memory
 from freqrail.quantities import given
 from freqrail.version import __version__
 
@@ -47,7 +47,7 @@ def sweep(
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
     `<response>_rms_relative_error`, `status` and `method` per grid point, the same with the
     prefix `traditional_` without the joint axes, and with `psd` `<response>_psd` [unit^2/Hz].
-    A value that could not be computed to 1e-6 is NaN with a status other than 0.
+    A value that could not be computed to 1e-6 is NaN, and the status of its point is not 0.
 
     Raises InputError for a bad case, axis, setting or response name. The RMS is the root of the integral
     over the band of |sum_i H_i e^{-i omega tau_i}|^2 S_v(omega/v)/v (eqs. 2 to 7 and 11).
@@ -60,7 +60,12 @@ def sweep(
         raise InputError("over and settings go with the path or name of a case: a Case is checked already")
     plan = Plan.of(case, responses, psd)
     check_memory(plan)
-    warn_of_rigid_rail(case)
+    told = plausibility.stored(plausibility.told(case), case)
+    return compute(plan, jobs, progress).assign_attrs({"warnings": told} if told else {})
+
+
+def compute(plan: Plan, jobs: int | None = None, progress: Progress = lambda points: None) -> xr.Dataset:
+    """The labelled dataset of a plan, in memory; see `sweep`, which warns besides."""
     values = {name: np.empty(v.shape, v.dtype) for name, v in dataset.variables(plan).items()}
     for block, part in local(jobs)(plan, blocks.cut(plan), progress):
         for name, numbers in part.items():
@@ -70,12 +75,16 @@ def sweep(
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a sweep into a file came to. largest_error: NaN if no number has an error estimate."""
+    """What a sweep into a file came to. largest_error: NaN if no number has an error estimate.
+
+    told: the attribute `warnings` of its file, see `plausibility.stored`.
+    """
 
     path: Path
     largest_error: float
     failures: tuple[str, ...]
     resumed: int
+    told: str
 
 
 def sweep_to_file(
@@ -95,7 +104,8 @@ def sweep_to_file(
     FileError if another run is writing the same file, or the disk is full (the journal is kept).
     """
     target = storage.check_target(path, overwrite)
-    warn_of_rigid_rail(plan.case)
+    told = plausibility.stored(plausibility.told(plan.case), plan.case)
+    skeleton = dataset.skeleton(plan).assign_attrs({"warnings": told} if told else {})
     everything = blocks.cut(plan)
     with storage.lock(target), Journal.open(target, _identity(plan, everything), resume) as journal:
         todo = [block for block in everything if block.key not in journal.keys]
@@ -116,13 +126,13 @@ def sweep_to_file(
                     status[name][block.place] = values[name]
                 yield block.place, values
 
-        storage.write_blocks(target, dataset.skeleton(plan), described, stored())
+        storage.write_blocks(target, skeleton, described, stored())
         journal.discard()
-    labelled = dataset.skeleton(plan).assign(
+    labelled = skeleton.assign(
         {name: (described[name].dims, values, described[name].attributes) for name, values in status.items()}
     )
     failures = tuple(dataset.first_failures(labelled))
-    return Outcome(target, float(np.fmax.reduce(largest)), failures, len(everything) - len(todo))
+    return Outcome(target, float(np.fmax.reduce(largest)), failures, len(everything) - len(todo), told)
 
 
 def local(jobs: int | None = None) -> Executor:

@@ -7,9 +7,10 @@ and bounds come from `freqrail.names`.
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +26,7 @@ from freqrail.casefile import (
     to_toml,
 )
 from freqrail.errors import FreqrailWarning, InputError
-from freqrail.names import JOINTS, PARAMETERS
+from freqrail.names import JOINTS, PARAMETERS, SHARED_BY_SIDES
 from freqrail.quantities import (
     Axis,
     Quantity,
@@ -40,6 +41,7 @@ from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, Band, RationalSpect
 from freqrail.validation import cross_checks, keys, model, problems_of, readable, readable_points
 from freqrail.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 
+LARGEST_GRID = 2**63  # points, and with spectra points times frequencies: the library's indices end there
 SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is probably a slip of the unit
 
 
@@ -47,20 +49,25 @@ SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is pro
 class Case:
     """A checked case. Numbers in SI units.
 
-    name: the file's stem. quantities: every scalar of [vehicle] and [operation] as written and in SI.
-    axes: swept parameters in the order given. frequency: where spectra are stored, if the case says so.
-    points: those to confirm, {name: quantity}. text: the file. effective: TOML after all changes.
+    name: the file's stem. masses: "half" or "whole": whether the quantities and axes are those of one side of the
+    vehicle, as the model takes them, or of both. quantities: every scalar of [vehicle] and [operation] as written and
+    in SI. axes: swept parameters in the order given. frequency: where spectra are stored, if the case says so.
+    points: those to confirm, {name: quantity}. accepted: ranges that replace those of `criteria.CRITERIA`.
+    warnings: what was told when the case was read. text: the file. effective: TOML after all changes.
     """
 
     name: str
     title: str
     reference: str
+    masses: str
     quantities: Mapping[str, Quantity]
     spectrum: RationalSpectrum
     band: Band | None
     axes: tuple[Axis, ...]
     frequency: Axis | None
     points: tuple[Mapping[str, Quantity], ...]
+    accepted: Mapping[str, tuple[float, float]]
+    warnings: tuple[str, ...]
     text: str
     effective: str
 
@@ -72,7 +79,7 @@ class Case:
     @property
     def scalars(self) -> Mapping[str, Quantity]:
         """The quantities, and the contact stiffness where it follows from the contact constant."""
-        return _scalars(self.quantities)
+        return _scalars(self.quantities, self.masses)
 
     @property
     def vehicle(self) -> Vehicle:
@@ -80,12 +87,16 @@ class Case:
         return replace(self, axes=()).vehicles()
 
     def vehicles(self) -> Vehicle:
-        """The grid of vehicles that the axes other than speed span, fields broadcasting in their order."""
+        """The grid of vehicles that the axes other than speed span, fields broadcasting in their order.
+
+        This is where whole vehicles become the half ones of the model.
+        """
         axes = [axis for axis in self.axes if axis.name != "speed"]
         values: dict[str, Any] = {name: quantity.value for name, quantity in self.quantities.items()}
         for place, axis in enumerate(axes):
             values[axis.name] = axis.si.reshape([-1 if i == place else 1 for i in range(len(axes))])
         values.pop("speed")
+        values = {name: value * _share(name, self.masses) for name, value in values.items()}
         constant = values.pop("contact_constant", None)
         swept = {axis.name for axis in axes}
         if constant is not None and "contact_stiffness" not in swept:
@@ -159,39 +170,50 @@ def build_case(
         # what can be read is still checked, so that every fault of a file is told at once
         quantities = {k: v for t in ("vehicle", "operation") for k, v in readable(parse_quantity, tables, t).items()}
         sweep = readable(parse_axis, tables, "sweep")
-        points = readable_points(tables, {*_scalars(quantities)} - {*keys(tables, "sweep")} | {*sweep})
+        points = readable_points(tables, {*_scalars(quantities, "half")} - {*keys(tables, "sweep")} | {*sweep})
     frequency = sweep.pop("frequency", None)
     axes = tuple(sweep.values())
     problems += cross_checks(tables, file, where)
     problems += _geometry_problems(quantities, axes, where)
+    problems += _size_problems((*axes, *([frequency] if frequency else ())), where)
     if not (settings or over or stray_points):
-        problems += _point_problems(points, quantities, axes, file)
+        masses = checked.vehicle.masses if checked else "half"
+        problems += _point_problems(points, _scalars(quantities, masses), axes, file)
     if checked is None or problems:
         raise InputError(*dict.fromkeys(problems))
-    _warn_of_millinewtons(quantities, axes, where)
-    _warn_of_soft_joints(quantities, axes, where)
+    told = (*_millinewtons(quantities, axes, where), *_soft_joints(quantities, axes, where))
+    for line in told:
+        warnings.warn(line, FreqrailWarning, stacklevel=3)
     return Case(
         name=name,
         title=checked.title,
         reference=checked.reference,
+        masses=checked.vehicle.masses,
         quantities=quantities,
         spectrum=_spectrum(checked.track),
         band=_band(checked.band),
         axes=axes,
         frequency=frequency,
         points=tuple(points.values()),
+        accepted=checked.accepted,
+        warnings=told,
         text=text,
         effective=to_toml(tables),
     )
 
 
-def _scalars(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
+def _share(name: str, masses: str) -> float:
+    """What of a quantity as written the model takes: half of what both sides of a whole vehicle share."""
+    return 0.5 if masses == "whole" and name in SHARED_BY_SIDES else 1.0
+
+
+def _scalars(quantities: Mapping[str, Quantity], masses: str) -> dict[str, Quantity]:
     """The quantities, and the contact stiffness where it follows from the contact constant (eq. 1)."""
-    masses = [quantities.get(f"{body}_mass") for body in ("car_body", "bogie", "wheelset")]
+    names = ("car_body_mass", "bogie_mass", "wheelset_mass")
     constant = quantities.get("contact_constant")
-    if constant is None or None in masses:
+    if constant is None or not set(names) <= quantities.keys():
         return dict(quantities)
-    load = static_wheel_load(*(mass.value for mass in masses if mass))
+    load = static_wheel_load(*(quantities[name].value * _share(name, masses) for name in names))
     stiffness = float(hertzian_contact_stiffness(constant.value, load))
     return {"contact_stiffness": Quantity(stiffness, f"{stiffness:.10g} N/m"), **quantities}
 
@@ -213,6 +235,17 @@ def _geometry_problems(
     return [
         f"{where('vehicle', 'half_bogie_spacing')}: must exceed half_wheelbase everywhere on the grid "
         f"(got {spacing[0]:g} m and {wheelbase[1]:g} m)"
+    ]
+
+
+def _size_problems(axes: tuple[Axis, ...], where: Callable[..., str]) -> list[str]:
+    points = math.prod(axis.values.size for axis in axes)
+    if points < LARGEST_GRID:
+        return []
+    longest = max(axes, key=lambda axis: axis.values.size)
+    return [
+        f"{where('sweep', longest.name)}: the axes span {points:.3g} points, more than can be counted (limit "
+        f"{LARGEST_GRID:.3g}); use fewer values"
     ]
 
 
@@ -249,37 +282,37 @@ def place_point(
 
 
 def _point_problems(
-    points: dict[int, dict[str, Quantity]], quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], file: str
+    points: dict[int, dict[str, Quantity]], scalars: Mapping[str, Quantity], axes: tuple[Axis, ...], file: str
 ) -> list[str]:
     return [
         f"{file}: [confirm].points: point {place}: {name}: {fault}"
         for place, point in points.items()
-        for name, fault in place_point(point, axes, _scalars(quantities))[1].items()
+        for name, fault in place_point(point, axes, scalars)[1].items()
     ]
 
 
-def _warn_of_millinewtons(
+def _millinewtons(
     quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]
-) -> None:
+) -> Iterator[str]:
     written = [(where(PARAMETERS[name].section, name), quantity.text) for name, quantity in quantities.items()]
     written += [(where("sweep", axis.name), axis.text) for axis in axes]
     for place, text in written:
         if milli_hint(text):
-            warnings.warn(f'{place}: {milli_hint(text)} (got "{text}")', FreqrailWarning, stacklevel=4)
+            yield f'{place}: {milli_hint(text)} (got "{text}")'
 
 
-def _warn_of_soft_joints(quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]) -> None:
+def _soft_joints(
+    quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]
+) -> Iterator[str]:
     for joint in JOINTS:
         spring = joint.replace("_joint", "")
         ends, springs = _extremes(joint, quantities, axes), _extremes(spring, quantities, axes)
         if ends is None or springs is None or ends[0] >= SOFT_JOINT * springs[1]:
             continue
         table = "vehicle" if is_same(quantities[joint].value, ends[0]) else "sweep"
-        warnings.warn(
+        yield (
             f"{where(table, joint)}: {ends[0]:g} N/m is {ends[0] / springs[1]:.1e} of {spring} ({springs[1]:g} N/m), "
-            f"below {SOFT_JOINT:g}: the damper hardly acts; check the unit",
-            FreqrailWarning,
-            stacklevel=4,
+            f"below {SOFT_JOINT:g}: the damper hardly acts; check the unit"
         )
 
 

@@ -11,13 +11,14 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from freqrail import files
 from freqrail.errors import InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import given
+from freqrail.quantities import given, parse_axis
+from freqrail.shipped import shipped_cases
 
 LARGEST_FILE = 1_000_000  # bytes: a case file has two thousand
 CONTACTS = ("contact_constant", "contact_stiffness")
@@ -25,14 +26,6 @@ CONTACTS = ("contact_constant", "contact_stiffness")
 
 # keys of 50 parts such as a.a.a...: no case has them, and tomllib needs memory by the square of their number
 _ENDLESS_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
-
-
-def shipped_cases() -> dict[str, str]:
-    """The cases that come with freqrail: {name: TOML text}."""
-    inside = resources.files("freqrail") / "cases"
-    folder = inside if inside.is_dir() else Path(__file__).parent.parent / "cases"
-    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in files}
 
 
 def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
@@ -43,7 +36,7 @@ def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
     wanted = str(case)
     try:
         if path.is_file():
-            return path.stem, wanted, _read(path)
+            return os.fsencode(path.stem).decode("utf-8", "replace"), wanted, _read(path)
         exists, folder = path.exists(), path.is_dir()
     except (OSError, ValueError) as fault:
         words = getattr(fault, "strerror", None) or fault
@@ -62,7 +55,7 @@ def _read(path: Path) -> str:
         size = path.stat().st_size
         if size > LARGEST_FILE:
             raise InputError(f"{path}: too large for a case file (got {size} bytes, limit {LARGEST_FILE})")
-        data = path.read_bytes()
+        data = files.read(path)
     except OSError as fault:
         raise InputError(f"{path}: cannot be read: {fault.strerror}") from None
     if data.startswith((b"\x89HDF", b"CDF")):
@@ -142,15 +135,15 @@ def apply_setting(
     section, _, name = key.rpartition(".")
     known_keys = sections()
     owners = [s for s, names in known_keys.items() if name in names and section in ("", s)]
-    if section == "sweep":
-        problems.append(f'{label}: an axis is replaced with --over "{name}={value}"')
+    if section == "sweep" and name in (*SWEEPABLE, "frequency"):
+        problems.append(f"{label}: an axis is replaced with {_advised_axis(name, value)}")
         return
     if not owners:
         known = known_keys.get(section, tuple(n for names in known_keys.values() for n in names))
         problems.append(f"{label}: unknown name{suggestion(name, known)}")
         return
     if name in SWEEPABLE and name in table_of(tables, "sweep") and not scalars:
-        problems.append(f'{label}: {name} is swept by the case; give it one value with --over "{name}={value}"')
+        problems.append(f"{label}: {name} is swept by the case; give it one value with {_advised_axis(name, value)}")
         return
     table = table_of(tables, owners[0])
     for group in (CONTACTS, ("frequency", "wavelength")):
@@ -175,11 +168,24 @@ def apply_axis(
         problems.append(f"--over {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
         return
     sweep = table_of(tables, "sweep")
+    section = PARAMETERS[name].section
+    if name in SWEEPABLE:  # `frequency` is the band's as a setting, that of spectra as an axis
+        alike = CONTACTS if name in CONTACTS else (name,)
+        _refuse_both(f"--over {key}", [(section, other) for other in alike], problems, origins)
     for other in CONTACTS if name in CONTACTS else ():
         _refuse_both(f"--over {key}", [("sweep", other)], problems, origins)
         sweep.pop(other, None)
     sweep[name] = value
     origins["sweep", name] = f"--over {key}"
+
+
+def _advised_axis(name: str, value: object) -> str:
+    """The option that gives a swept quantity its values: those that were meant, if they would be taken."""
+    try:
+        parse_axis(PARAMETERS[name], value)
+    except ValueError:
+        value = PARAMETERS[name].example
+    return f'{"--psd " if name == "frequency" else ""}--over "{name}={value}"'
 
 
 def _refuse_both(

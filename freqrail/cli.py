@@ -1,24 +1,28 @@
 """The commands. No arithmetic here: a command checks its options, calls one function and prints.
 
 Results go to stdout, messages and progress to stderr. Exit codes: 0 done; 2 bad input; 3 failed grid
-points; 4 input or output; 130 interrupted; 1 only for a bug. Only click is imported at the top, so that
-`freqrail --help` answers at once.
+points; 4 input or output; 130 interrupted; 1 only for a bug. Only click and tables of names are imported at the top,
+so that `freqrail --help` and the completion of names answer at once.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from freqrail.errors import InputError, NumericalError
-from freqrail.terminal import count, guarded, program, progress, report
+from freqrail import completion
+from freqrail.errors import FreqrailWarning, InputError, NumericalError
+from freqrail.process import check_memory_limit, is_out_of_memory, prepare_matplotlib, take_over
+from freqrail.terminal import count, guarded, program, progress, report, tell
 from freqrail.version import __version__
 
 PLOT_FORMATS = ("png", "svg", "pdf")
@@ -38,21 +42,23 @@ class _Assignment(click.ParamType):
         return name, text
 
 
-_CASE = click.argument("case", metavar="CASE")
-_RESULT = click.argument("result", metavar="RESULT.nc")
+_CASE = click.argument("case", metavar="CASE", shell_complete=completion.case)
+_RESULT = click.argument("result", metavar="RESULT.nc", shell_complete=completion.result)
 _SET = click.option(
     "--set",
     "settings",
     type=_Assignment(),
     multiple=True,
+    shell_complete=completion.setting,
     help='Change a scalar: --set "bogie_mass=650 kg", "frequency=0.5:80 Hz" or "band=none".',
 )
 _AT = click.option(
     "--at",
     metavar="POINT",
     multiple=True,
-    help='A grid point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the '
-    "case's own value.",
+    shell_complete=completion.point,
+    help='A point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the case\'s own '
+    "value. One that is not on the grid is computed anew.",
 )
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 
@@ -64,6 +70,7 @@ def cli() -> None:
 
     CASE is a case file, or the name of a case that comes with freqrail (see `freqrail cases`).
     """
+    check_memory_limit()
 
 
 @cli.command()
@@ -74,6 +81,7 @@ def cli() -> None:
     type=_Assignment(),
     metavar="NAME=AXIS",
     multiple=True,
+    shell_complete=completion.axis,
     help='Sweep a quantity: --over "speed=100:300:10 km/h"; also "1, 5, inf MN/m" and "log:1:100:20 MN/m".',
 )
 @_SET
@@ -81,6 +89,7 @@ def cli() -> None:
     "--responses",
     default="paper",
     show_default=True,
+    shell_complete=completion.responses,
     help="paper, all, or names of responses, such as bogie_acceleration,primary_stroke.",
 )
 @click.option("--psd", is_flag=True, help="Store spectra too.")
@@ -110,6 +119,7 @@ def sweep(
     over_by_name, settings_by_name = _once(over, "--over"), _once(settings, "--set")
     if "frequency" in over_by_name and not psd:
         raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
+    from freqrail import plausibility
     from freqrail.campaign import local, sweep_to_file
     from freqrail.case import load_case
     from freqrail.grid import processors
@@ -119,9 +129,9 @@ def sweep(
     from freqrail.storage import check_target
     from freqrail.summary import number
 
-    if dask and jobs:
+    if dask is not None and jobs:
         raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
-    if dask:
+    if dask is not None:
         from freqrail import cluster
 
         executor = cluster.executor(dask)
@@ -133,7 +143,9 @@ def sweep(
     target = check_target(wanted, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
+    facts["vehicle"] = plausibility.vitals(loaded)
     if dry_run:
+        plausibility.told(loaded)
         jobs = jobs or processors()
         seconds = plan.seconds(jobs)
         facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
@@ -141,6 +153,7 @@ def sweep(
             facts,
             as_json,
             f"{count(plan.points, 'grid point')} ({grid}), both models",
+            plausibility.vitals_text(loaded),
             f"{target}: {shown_bytes(plan.stored_bytes)}, about {number(seconds, 2)} s on {count(jobs, 'thread')}",
             "dry run: nothing computed, nothing written",
             *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
@@ -152,26 +165,30 @@ def sweep(
     try:
         with progress("sweep", plan.work) as advance:
             outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
-    except KeyboardInterrupt:
-        if journal_path(target).exists():
+    except (KeyboardInterrupt, MemoryError, RuntimeError) as stop:
+        if journal_path(target).exists() and (isinstance(stop, KeyboardInterrupt) or is_out_of_memory(stop)):
             given = click.get_current_context().obj
             again = shlex.join([*given, *(["--resume"] if "--resume" not in given else [])])
-            click.echo(f"freqrail: finished blocks are kept; to go on: {program()} {again}", err=True)
+            tell(f"freqrail: finished blocks are kept; to go on: {program()} {again}")
         raise
     elapsed = time.perf_counter() - start
     failures = list(outcome.failures)
     next_step = "show" if plan.points == 1 or math.isnan(outcome.largest_error) else "plot"
     error = outcome.largest_error
+    told = plausibility.recalled({"warnings": outcome.told})
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
+    facts["warnings"] = told
     taken_over = f", {count(outcome.resumed, 'block')} taken over" if resume else ""
-    accuracy = (
-        "no number has an error estimate" if math.isnan(error) else f"largest estimated error {error:.1e} (relative)"
-    )
+    accuracy = f"largest estimated error {error:.1e} (relative, numerical only)"
+    if math.isnan(error):
+        accuracy = "no number has an error estimate"
     report(
         facts,
         as_json,
         f"{count(plan.points, 'grid point')} ({grid}), {count(len(plan.names), 'response')}, "
         "with joints and traditional",
+        plausibility.vitals_text(loaded),
+        *filter(None, [plausibility.accepted_text(told)]),
         f"band {band_text(loaded.band)}; {accuracy}",
         f"written: {target} ({shown_bytes(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
         f"next: {program()} {next_step} {shlex.quote(str(target))}",
@@ -223,19 +240,19 @@ def confirm(
 ) -> None:
     """Simulate grid points of a result in time and say whether its numbers stand."""
     from freqrail.confirmation import carry_out, check_cost, plan_run
-    from freqrail.evidence import problems
+    from freqrail.findings import problems
     from freqrail.quantities import shown_bytes
     from freqrail.storage import check_target, write_result
     from freqrail.summary import confirmation_text, number
 
     run = plan_run(result, at or None, seed, realisations, duration, integrator, start, band)
+    _repeat_warnings(run.dataset)
     wanted = Path(result).with_name(f"{Path(result).stem}-confirmation.nc") if output is None else output
     target = check_target(wanted, overwrite, (result,), run.stored_bytes)
     needed = check_cost(run, max_time, jobs)
-    click.echo(
+    tell(
         f"freqrail: {count(len(run.points), 'point')}, {number(run.simulated_seconds, 3)} simulated seconds with "
-        f"{integrator}, about {number(needed, 2)} s",
-        err=True,
+        f"{integrator}, about {number(needed, 2)} s"
     )
     begin = time.perf_counter()
     with progress("simulated seconds", math.ceil(run.simulated_seconds)) as advance:
@@ -270,18 +287,19 @@ def confirm(
 @_AT
 def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
     """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
+    prepare_matplotlib()
     from freqrail import figures
     from freqrail.storage import open_result
 
     point = _one_point(at)
     dataset = open_result(result)
+    _repeat_warnings(dataset)
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
     with progress("figures", figures.count(dataset, point)) as advance:
         paths = figures.plot(dataset, folder, file_format, point, advance)
     click.echo("\n".join(map(str, paths)))
-    hint = figures.hint(dataset)
-    if hint:
-        click.echo(f"freqrail: {hint}", err=True)
+    for line in filter(None, [figures.note(dataset, point), figures.hint(dataset)]):
+        tell(f"freqrail: {line}")
 
 
 @cli.command()
@@ -292,6 +310,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 @_JSON
 def replicate(quick: bool, output: str | None, as_json: bool) -> None:
     """Redo the paper's study and judge its claims: datasets, figures and a report."""
+    prepare_matplotlib()
     from freqrail.replication import folder
     from freqrail.replication.judging import plural
 
@@ -316,7 +335,7 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument("what", metavar="CASE|RESULT.nc")
+@click.argument("what", metavar="CASE|RESULT.nc", shell_complete=completion.case_or_result)
 @_AT
 @_SET
 @click.option("--check", is_flag=True, help="Only check that a file is a whole result; safe for any file.")
@@ -334,10 +353,11 @@ def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], chec
 
 
 def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
-    from freqrail import summary
+    from freqrail import plausibility, summary
     from freqrail.case import load_case
 
     case = load_case(what, settings, scalars=True)
+    told = plausibility.recalled({"warnings": plausibility.stored(plausibility.told(case), case)})
     parts: dict[str, list[summary.Record]] = {
         "parameters": summary.case_parameters(case),
         "derived": summary.case_derived(case),
@@ -345,13 +365,15 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
         "axes": summary.case_axes(case),
     }
     tables = [summary.table(records) for records in parts.values() if records]
-    report({"title": case.title, **parts}, as_json, "\n\n".join([summary.case_head(case), *tables]))
+    head = [summary.case_head(case), plausibility.vitals_text(case), plausibility.accepted_text(told)]
+    facts = {"title": case.title, "vehicle": plausibility.vitals(case), "warnings": told, **parts}
+    report(facts, as_json, "\n\n".join(["\n".join(filter(None, head)), *tables]))
 
 
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
-    from freqrail import summary
-    from freqrail.evidence import is_confirmation
-    from freqrail.points import example_point
+    from freqrail import plausibility, summary
+    from freqrail.findings import is_confirmation
+    from freqrail.points import example_point, result_case
     from freqrail.storage import open_result
     from freqrail.untrusted import check_result
 
@@ -361,6 +383,7 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
     dataset = open_result(what)
+    told = _repeat_warnings(dataset)
     if is_confirmation(dataset):
         facts, lines = summary.confirmation_text(dataset, point)
         report(facts, as_json, *lines)
@@ -370,12 +393,13 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, *lines)
         return
     parts = {"axes": summary.result_axes(dataset), "ranges": summary.result_ranges(dataset)}
-    tables = [summary.table(records) for records in parts.values() if records]
     hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
+    case = result_case(dataset)
+    head = [summary.result_head(dataset), plausibility.vitals_text(case), plausibility.accepted_text(told)]
     report(
-        {"title": dataset.attrs.get("title", ""), **parts},
+        {"title": dataset.attrs.get("title", ""), "vehicle": plausibility.vitals(case), "warnings": told, **parts},
         as_json,
-        "\n\n".join([summary.result_head(dataset), *tables, hint]),
+        "\n\n".join(["\n".join(filter(None, head)), *summary.result_tables(dataset), hint]),
     )
 
 
@@ -394,13 +418,13 @@ def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None
 
 
 @cli.command()
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=completion.shipped)
 @_JSON
 def cases(name: str | None, as_json: bool) -> None:
     """List the cases that come with freqrail, or print the one called NAME."""
     from freqrail.case import build_case
-    from freqrail.casefile import shipped_cases
     from freqrail.names import suggestion
+    from freqrail.shipped import shipped_cases
 
     shipped = shipped_cases()
     if name is None:
@@ -423,6 +447,17 @@ def _one_point(at: Sequence[str]) -> Any:
     return parse_point(at[0]) if at else None
 
 
+def _repeat_warnings(dataset: Any) -> list[dict[str, Any]]:
+    """Say again what was warned of when a result was computed; all that its file keeps of it, accepted or not."""
+    from freqrail.plausibility import recalled
+
+    told = recalled(dataset.attrs)
+    for record in told:
+        if not record["accepted"]:
+            warnings.warn(record["text"], FreqrailWarning, stacklevel=2)
+    return told
+
+
 # --- helpers ---------------------------------------------------------------------------------------
 
 
@@ -439,19 +474,23 @@ def _is_result(what: str) -> bool:
     """Whether an argument means a result file rather than a case."""
     if what.endswith(".nc"):
         return True
+    from freqrail.files import read
+
     try:
-        with open(what, "rb") as stream:
-            return stream.read(4) in (b"\x89HDF", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+        return read(what, 4) in (b"\x89HDF", b"CDF\x01", b"CDF\x02", b"CDF\x05")
     except (OSError, ValueError):
         return False
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code; every fault is a line on stderr, never a traceback."""
+    take_over()
     sys.exit(run(arguments))
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if os.environ.get("_FREQRAIL_COMPLETE"):
+        cli.main(args=given, prog_name="freqrail")  # the shell asks what to offer: click answers and exits
     return guarded(lambda: cli.main(args=given, prog_name="freqrail", standalone_mode=False, obj=given))

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 
-import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from freqrail import grid, timedomain, workers
+from freqrail import timedomain, workers
+from freqrail.errors import FreqrailWarning
 from freqrail.evidence import label
+from freqrail.findings import power_warnings
+from freqrail.references import references
 from freqrail.runs import Points, Run, check_cost, plan_run
-from freqrail.study import Study
 from freqrail.timedomain import Evidence, Plan
-from freqrail.track import Band
 
 
 def confirm(
@@ -66,8 +66,13 @@ def carry_out(run: Run, jobs: int = 1, progress: Callable[[int], object] = lambd
 
     tasks = [(point, plan, not place) for place, (point, plan) in enumerate(zip(run.points, run.plans, strict=True))]
     evidence = workers.run(_examine, tasks, jobs, whole_seconds)
-    references = [_reference(point, plan) for point, plan in zip(run.points, run.plans, strict=True)]
-    return label(run, evidence, references)
+    found = [
+        references(point, plan, run.case.band, run.frequency) for point, plan in zip(run.points, run.plans, strict=True)
+    ]
+    dataset = label(run, evidence, found)
+    for line in power_warnings(dataset):
+        warnings.warn(line, FreqrailWarning, stacklevel=2)
+    return dataset
 
 
 def _examine(point: timedomain.Point, plan: Plan, tighter: bool, progress: Callable[[float], object]) -> Evidence:
@@ -82,15 +87,3 @@ def _examine(point: timedomain.Point, plan: Plan, tighter: bool, progress: Calla
             waiting = 0.0
 
     return timedomain.examine(point, plan, tighter=tighter, progress=advance)
-
-
-def _reference(point: timedomain.Point, plan: Plan) -> NDArray[np.float64]:
-    """RMS over the band by the frequency-domain kernel of `sweep`: [model, series]."""
-    values = []
-    for vehicle in (point.vehicle, point.vehicle.traditional()):
-        study = Study(
-            vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *plan.limits), timedomain.RESPONSES
-        )
-        rms = grid.solve(study).rms
-        values.append(np.concatenate([rms[name][:, 0] for name in timedomain.RESPONSES]))
-    return np.array(values)

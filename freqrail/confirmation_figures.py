@@ -17,10 +17,11 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+from numpy.typing import NDArray
 
-from freqrail.evidence import band_note, relative
+from freqrail.findings import band_note, confirmed_names, relative
 from freqrail.names import RESPONSES
-from freqrail.timedomain import RESPONSES as CONFIRMED
+from freqrail.verdicts import FAILED, OUTSIDE
 
 _WIDTH = 7.2  # inches, as in `figures`
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
@@ -43,7 +44,8 @@ def drawings(dataset: xr.Dataset, point: int | None = None) -> dict[str, Callabl
     for n, page in enumerate(pages, start=1):
         tail = f"-{n}" if len(pages) > 1 else ""
         found[f"confirmation{tail}"] = partial(_intervals, dataset, page)
-        found[f"solver-error{tail}"] = partial(_solver_errors, dataset, page)
+        found[f"solver-error{tail}"] = partial(_differences, dataset, page, "solver")
+        found[f"kernel-difference{tail}"] = partial(_differences, dataset, page, "kernel")
     for i in chosen:
         label = f"point-{i + 1}"
         found[f"track-{label}"] = partial(_track, dataset, i)
@@ -73,8 +75,8 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
     """The four responses in time, both models together (the paper's fig. 4)."""
     one = dataset.isel(point=point)
     kept = one["time"].values <= _SHOWN
-    figure = _figure(2, 5.8, dataset, point, "simulated responses to record 0")
-    for name, ax in _panels(figure):
+    figure = _figure(2, _panels_height(dataset), dataset, point, "simulated responses to record 0")
+    for name, ax in _panels(figure, dataset):
         response = RESPONSES[name]
         for model, style in _line_styles().items():
             history = _first(one[f"{name}_history"], response.dimension, model)
@@ -88,8 +90,14 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
 def _spectra(dataset: xr.Dataset, point: int) -> Figure:
     """PSDs of the simulated responses as dots over the analytic ones."""
     one = dataset.isel(point=point)
-    figure = _figure(2, 5.8, dataset, point, "spectra: lines by frequency responses, dots by simulation (record 0)")
-    for name, ax in _panels(figure):
+    figure = _figure(
+        2,
+        _panels_height(dataset),
+        dataset,
+        point,
+        "spectra: lines by frequency responses, dots by simulation (record 0)",
+    )
+    for name, ax in _panels(figure, dataset):
         response = RESPONSES[name]
         top = 0.0
         for model, colour in _COLOURS.items():
@@ -123,14 +131,24 @@ def _line_styles() -> dict[str, dict[str, Any]]:
 
 
 def _first(variable: xr.DataArray, dimension: str, model: str) -> np.ndarray:
-    return variable.isel({dimension: 0}).sel(model=model).values
+    return variable.isel({dimension: 0} if dimension else {}).sel(model=model).values
 
 
-def _panels(figure: Figure) -> list[tuple[str, Axes]]:
-    axes = figure.subplots(2, 2).ravel()
-    for letter, name, ax in zip("abcd", CONFIRMED, axes, strict=True):
-        ax.set_title(f"({letter}) {RESPONSES[name].long_name}, {_WHERE[RESPONSES[name].dimension]}")
-    return list(zip(CONFIRMED, axes, strict=True))
+def _panels(figure: Figure, dataset: xr.Dataset) -> list[tuple[str, Axes]]:
+    """A panel a response that was confirmed, two in a row."""
+    names = confirmed_names(dataset)
+    axes = figure.subplots(-(-len(names) // 2), 2, squeeze=False).ravel()
+    for spare in axes[len(names) :]:
+        spare.remove()
+    for letter, name, ax in zip("abcdefg", names, axes, strict=False):
+        place = _WHERE.get(RESPONSES[name].dimension)
+        ax.set_title(f"({letter}) {RESPONSES[name].long_name}" + (f", {place}" if place else ""))
+    return list(zip(names, axes, strict=False))
+
+
+def _panels_height(dataset: xr.Dataset) -> float:
+    """Height of a figure with a panel a response, inches."""
+    return 0.8 + 2.5 * -(-len(confirmed_names(dataset)) // 2)
 
 
 # --- what the checks found -------------------------------------------------------------------------
@@ -150,7 +168,7 @@ def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
             at = {key: array[place, m] for key, array in values.items()}
             ax.hlines(y, at["verdict_low"], at["verdict_high"], color=_COLOURS[model], linewidth=0.7)
             ax.hlines(y, at["interval_low"], at["interval_high"], color=_COLOURS[model], linewidth=2.4)
-            outside = dataset["verdict_statistical"].values[place, m] != 0
+            outside = _outside(dataset, "statistical", place, m)
             ax.plot(at["pooled"][~outside], y[~outside], "o", color="white", markeredgecolor=_COLOURS[model], ms=3.5)
             ax.plot(at["pooled"][outside], y[outside], "X", color=_FAULT, markersize=5)
         ax.set_xlabel("difference of the RMS [%]")
@@ -158,33 +176,47 @@ def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
     return figure
 
 
-def _solver_errors(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
-    """The largest solver error of every series beside what is allowed."""
-    tolerance = dataset["solver_tolerance"].values
-    figure, panels = _rows(dataset, points, "largest difference of a simulated record from its own line spectrum")
+_DIFFERENCES = {
+    "solver": ("solver_error", "largest difference of a simulated record from its own line spectrum"),
+    "kernel": ("kernel_difference", "RMS over the continuous spectrum against the line spectrum of record 0"),
+}
+
+
+def _differences(dataset: xr.Dataset, points: Sequence[int], check: str) -> Figure:
+    """What the solver or the kernel check found for every series, and what it allows."""
+    variable, what = _DIFFERENCES[check]
+    shape = dataset[variable].shape
+    allowed = dataset[f"{check}_tolerance"].values
+    allowed = np.broadcast_to(allowed[None, :, None] if allowed.ndim == 1 else allowed, shape)
+    errors = np.maximum(np.abs(dataset[variable].values), _SMALLEST)
+    figure, panels = _rows(dataset, points, what)
     for place, ax in panels:
         ax.set_xscale("log")
         for m, model in enumerate(dataset["model"].values):
             y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
-            errors = np.maximum(dataset["solver_error"].values[place, m], _SMALLEST)
-            outside = dataset["verdict_solver"].values[place, m] != 0
-            ax.plot(errors[~outside], y[~outside], "o", color=_COLOURS[model], markersize=3.5)
-            ax.plot(errors[outside], y[outside], "X", color=_FAULT, markersize=5)
-            ax.axvline(tolerance[m], color=_COLOURS[model], linewidth=0.9, linestyle=("-", (0, (4, 4)))[m])
-        least = np.nanmin(errors, initial=1.0) / 2
-        ax.set_xlim(min(ax.get_xlim()[0], least), max(ax.get_xlim()[1], 3 * tolerance.max()))
+            outside = _outside(dataset, check, place, m)
+            ax.plot(errors[place, m][~outside], y[~outside], "o", color=_COLOURS[model], markersize=3.5)
+            ax.plot(errors[place, m][outside], y[outside], "X", color=_FAULT, markersize=5)
+            ax.plot(allowed[place, m], y, "|", color=_COLOURS[model], markersize=6)
+        least = np.nanmin(errors[points], initial=1.0) / 2
+        ax.set_xlim(least, 3 * max(float(np.nanmax(allowed[points])), float(np.nanmax(errors[points], initial=0.0))))
         ax.xaxis.set_major_locator(LogLocator(numticks=5))
         ax.xaxis.set_minor_locator(NullLocator())
-        ax.set_xlabel("relative error of the RMS")
-    _checked_legend(figure, ["vertical line: the tolerance"])
+        ax.set_xlabel("relative difference of the RMS")
+    _checked_legend(figure, ["dashes: the largest difference allowed"])
     return figure
+
+
+def _outside(dataset: xr.Dataset, check: str, point: int, model: int) -> NDArray[np.bool_]:
+    """Which series a check says "outside" or "failed" of: [series]."""
+    return np.isin(dataset[f"verdict_{check}"].values[point, model], (OUTSIDE, FAILED))
 
 
 def _rows(dataset: xr.Dataset, points: Sequence[int], what: str) -> tuple[Figure, list[tuple[int, Axes]]]:
     """A panel a point, a row a series."""
     columns = min(_PANELS_A_ROW, len(points))
     rows = -(-len(points) // columns)
-    figure = _figure(columns, 3.3 * rows + 0.9, dataset, None, what)
+    figure = _figure(columns, (0.9 + 0.22 * dataset.sizes["series"]) * rows + 0.9, dataset, None, what)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for spare in axes.ravel()[len(points) :]:
         spare.remove()

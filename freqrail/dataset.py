@@ -2,7 +2,8 @@
 
 Dimensions are the swept parameters in the order given, none squeezed away, then the position of the
 response (car_position, bogie or axle), then frequency. Data are in SI units; `speed` is in km/h, joint
-stiffnesses in MN/m, `frequency` in Hz, any other axis in the unit the user wrote. Conventions: CF-1.11.
+stiffnesses in MN/m, `frequency` in Hz, any other axis in the unit the user wrote as CF spells it, or in SI. What the
+case does not sweep of the vehicle, the speed and the band are scalar coordinates. Conventions: CF-1.11.
 """
 
 from __future__ import annotations
@@ -12,8 +13,7 @@ import hashlib
 import json
 import math
 import platform
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,19 +23,19 @@ from numpy.typing import NDArray
 
 from freqrail import grid
 from freqrail.case import Case
-from freqrail.names import DIMENSIONS, PARAMETERS, RESPONSES
+from freqrail.names import COMPLIANCE_UNIT, COMPLIANCES, DIMENSIONS, PARAMETERS, RESPONSES, meaning
 from freqrail.plan import Plan, band_text
-from freqrail.quantities import Axis
+from freqrail.quantities import Axis, cf_unit, parse_axis, typed_unit
+from freqrail.track import Band
 from freqrail.version import __version__
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""Of the datasets written. 2: spectra in "m2 s-4 Hz-1", before "(m s-2)2 Hz-1"; axes in CF's spelling; scalars, band
+and compliances as coordinates. Datasets of schema 1 are read as well."""
 PIECE = 16_000_000  # bytes of a variable that are read at once while its digest is made
 
 MODELS = {"": "model with damper joints", "traditional_": "traditional model, rigid damper joints"}
 """Prefix of a model's variables and the words for it."""
-
-# what UDUNITS parses of the units that users write; anything else goes to `user_units`
-_UDUNITS = re.compile(r"(?:(?:k|M|G|m|c)?(?:g|m|N|s|Hz|rad)|t|h|min|km|deg)(?:\^-?\d)?")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,11 @@ def variables(plan: Plan) -> dict[str, Variable]:
                     "ancillary_variables": f"{prefix}{name}_rms_relative_error {prefix}status {prefix}method",
                 },
             )
-            error = {"units": "1", "long_name": f"estimated relative error of the {meaning}, {words}"}
+            error = {
+                "units": "1",
+                "long_name": f"estimated relative error of the computation of the {meaning}, {words}; numerical only: "
+                "it says nothing of the model or of its data",
+            }
             add(prefix, f"{name}_rms_relative_error", place, float, error)
         if plan.frequency is not None:
             for name in plan.names:
@@ -112,14 +116,17 @@ def arrays(
 
 def skeleton(plan: Plan) -> xr.Dataset:
     """The coordinates and attributes of a sweep, without its variables."""
-    coordinates: dict[str, Any] = {axis.name: coordinate(axis) for axis in plan.case.axes}
+    coordinates: dict[str, Any] = {}
+    for axis in plan.case.axes:
+        coordinates |= coordinate(axis, plan.case.masses)
     used = {RESPONSES[name].dimension for name in plan.names}
     for dimension, (long_name, labels) in DIMENSIONS.items():
         if dimension in used:
             values = np.array(labels, dtype=np.int32 if isinstance(labels[0], int) else None)
             coordinates[dimension] = (dimension, values, {"long_name": long_name})
     if plan.frequency is not None:
-        coordinates["frequency"] = coordinate(plan.frequency)
+        coordinates |= coordinate(plan.frequency)
+    coordinates |= scalar_coordinates(plan.case, plan.case.band)
     return xr.Dataset({}, coordinates, attributes(plan.case, "sweep"))
 
 
@@ -142,13 +149,97 @@ def _arrange(values: NDArray, swept: list[str], squeeze: bool) -> NDArray:
     return np.asarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)), order="C")
 
 
-def coordinate(axis: Axis) -> tuple[str, NDArray, dict[str, str]]:
-    """A swept parameter as a coordinate: dimension, values, attributes with its unit."""
+def coordinate(axis: Axis, masses: str = "half") -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+    """A swept parameter as coordinates by name: (dimension, values, attributes with its unit).
+
+    A joint stiffness, which may be infinite, has its finite compliance beside it. masses: see `Case`.
+    """
     parameter = PARAMETERS[axis.name]
-    described = {"long_name": parameter.meaning}
-    plain = all(_UDUNITS.fullmatch(part) for part in re.split(r"[*/ ]", axis.unit))
-    described["units" if plain else "user_units"] = axis.unit
-    return axis.name, axis.values, described
+    values, unit = axis.values, parameter.shown_unit or cf_unit(axis.unit)
+    if unit is None and cf_unit(parameter.unit):
+        values, unit = axis.si, cf_unit(parameter.unit)
+    # a fractional power, as of the contact constant's unit, is none of CF's
+    described = {"long_name": meaning(axis.name, masses)} | ({"units": unit} if unit else {"user_units": axis.unit})
+    found = {axis.name: (axis.name, values, described)}
+    if axis.name in COMPLIANCES:
+        found[COMPLIANCES[axis.name]] = (axis.name, *_compliance(axis.name, values, masses))
+    return found
+
+
+def _compliance(joint: str, stiffness: NDArray, masses: str) -> tuple[NDArray, dict[str, str]]:
+    """Values and attributes of a joint's compliance, of its stiffness in MN/m."""
+    what = meaning(joint, masses).replace("stiffness", "compliance")
+    return 1 / stiffness, {"long_name": f"{what}, the reciprocal of its stiffness", "units": COMPLIANCE_UNIT}
+
+
+def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[()], NDArray, dict[str, str]]]:
+    """What a case does not sweep, and a band, as scalar coordinates by name: ((), value, attributes with its unit).
+
+    In the SI unit, or in the table's where it shows another, as the axis would be. The whole axis as a band is
+    from 0 to inf Hz.
+    """
+    found: dict[str, tuple[tuple[()], NDArray, dict[str, str]]] = {}
+    swept = {axis.name for axis in case.axes}
+    for name, quantity in case.quantities.items():
+        if name in swept or (name == "contact_constant" and "contact_stiffness" in swept):
+            continue
+        parameter = PARAMETERS[name]
+        if parameter.shown_unit:
+            axis = parse_axis(parameter, quantity.text)  # the very number of an axis
+        else:
+            axis = Axis(name, np.array([quantity.value]), parameter.unit, np.array([quantity.value]), quantity.text)
+        for key, (_, values, described) in coordinate(axis, case.masses).items():
+            found[key] = ((), np.array(values[0]), described)
+    ends: dict[str, tuple[float, str, str]] = {
+        "band_lower_frequency": (0.0, "Hz", "lower limit of the band, frequency"),
+        "band_upper_frequency": (math.inf, "Hz", "upper limit of the band, frequency"),
+    }
+    if band is not None and band.kind == "frequency":
+        ends = {name: (end, *ends[name][1:]) for name, end in zip(ends, (band.low, band.high), strict=True)}
+    elif band is not None:
+        ends = {
+            "band_shortest_wavelength": (
+                band.low,
+                "m",
+                "lower limit of the band, wavelength of the track irregularity",
+            ),
+            "band_longest_wavelength": (
+                band.high,
+                "m",
+                "upper limit of the band, wavelength of the track irregularity",
+            ),
+        }
+    for name, (end, unit, what) in ends.items():
+        found[name] = ((), np.array(end), {"long_name": what, "units": unit})
+    return found
+
+
+def named_coordinates(dataset: xr.Dataset, name: str, dims: Collection[str]) -> list[str]:
+    """What CF's `coordinates` attribute of a variable with these dimensions names.
+
+    All coordinates that lie along its dimensions, or none, but those that CF finds by the dimension's name alone.
+    Not the joints' of the traditional model, which has none.
+    """
+    absent = {*COMPLIANCES, *COMPLIANCES.values()} if name.startswith("traditional_") else set()
+    return [
+        str(key)
+        for key, values in dataset.coords.items()
+        if key not in absent and {*values.dims} <= {*dims} and values.dims != (key,)
+    ]
+
+
+def whole(number: int) -> np.int32 | str:
+    """A whole number as an attribute: 32 bits, as the classic NetCDF format and R have them, or text beyond."""
+    return np.int32(number) if abs(number) <= np.iinfo(np.int32).max else str(number)
+
+
+def narrowed(attributes: Mapping[Any, Any]) -> dict[str, Any]:
+    """Attributes with each whole number that fits in 32 bits (see `whole`); the digest does not tell them apart."""
+    most = np.iinfo(np.int32).max
+    return {
+        str(key): np.int32(value) if type(value) in (int, np.int64) and abs(value) <= most else value
+        for key, value in attributes.items()
+    }
 
 
 def flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:
@@ -227,7 +318,7 @@ def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[slice, ...]]:
 
 
 def first_failures(dataset: xr.Dataset) -> list[str]:
-    """One line a model that has points without a result: how many, why, and the first of them."""
+    """One line a model that has points without all results: how many, why, and the first of them."""
     lines = []
     for prefix, words in MODELS.items():
         name = f"{prefix}status"
@@ -241,12 +332,12 @@ def first_failures(dataset: xr.Dataset) -> list[str]:
         meanings = str(status.attrs["flag_meanings"]).split()
         first = tuple(int(i) for i in bad[0])
         where = ", ".join(
-            f"{dim}={float(dataset[dim][i]):g} {dataset[dim].attrs.get('units', '')}".strip()
+            f"{dim}={float(dataset[dim][i]):g} {typed_unit(dataset[dim].attrs.get('units', ''))}".strip()
             for dim, i in zip(status.dims, first, strict=True)
         )
         counts = ", ".join(
             f"{np.sum(values == k)} {meaning}" for k, meaning in enumerate(meanings) if k and np.any(values == k)
         )
         at = f"; the first at {where}" if where else ""
-        lines.append(f"{words}: {len(bad)} of {values.size} grid points have no result ({counts}){at}")
+        lines.append(f"{words}: {len(bad)} of {values.size} grid points lack results ({counts}){at}")
     return lines

@@ -1,13 +1,14 @@
-"""The evidence of a confirmation as a labelled dataset, and what it says in words.
+"""The evidence of a confirmation as a labelled dataset; `freqrail.findings` reads it.
 
-Dimensions: point, model (joint, traditional), the position of a response, record; series for the verdicts. Swept
-parameters are coordinates of the points, in the units of the result.
+Dimensions: point, model (joint, traditional), the position of a response, record; series for the verdicts, which are
+of every response that the result holds. Swept parameters are coordinates of the points, in the units of the result.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,55 +17,139 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import timedomain, verdicts
-from freqrail.dataset import attributes, content_digest, coordinate, flags
+from freqrail.dataset import attributes, content_digest, coordinate, flags, scalar_coordinates, whole
+from freqrail.findings import CHECKS, series_labels, series_of
 from freqrail.names import DIMENSIONS, RESPONSES
 from freqrail.plan import band_text
 from freqrail.points import grid_axis, swept
+from freqrail.quantities import Axis, unit_factor
+from freqrail.references import References
+from freqrail.response import wheel_lags
 from freqrail.runs import Run
 from freqrail.timedomain import MODELS, Evidence
 
-DISAGREEMENT = 1e-5  # relative; both the result's numbers and the ones computed here are good to 1e-6
+KERNEL_TOLERANCE = 2e-6  # the kernel's numbers are good to 1e-6
+LINE_SAFETY = 2.0  # times what a record twice as long changes, which is about what the lines miss
+ROUNDING_SAFETY = 10.0  # times what another scaling of the states changes
+DISAGREEMENT = 1e-5  # relative; the result's numbers and the ones computed here are both good to 1e-6
+PSD_TOLERANCE = 1e-5  # of the result's spectra, relative to the line itself and PSD_FLOOR of the highest
+PSD_FLOOR = 1e-6
+LINE_PSD_TOLERANCE = {"rk45": 1e-3, "exponential": 1e-3, "radau": 1e-3, "newmark": 1e-1}  # of the highest line
+TRACK_TOLERANCE = 1e-4  # of the record's standard deviation
+RANGES = ("3-25 m", "band")
+"""Ranges of the track's standard deviation: the wavelengths of track standards as far as the band reaches, the band."""
+
+Variables = dict[str, tuple[Any, Any, dict[str, Any]]]
 
 
-def label(run: Run, evidence: Sequence[Evidence], references: Sequence[NDArray[np.float64]]) -> xr.Dataset:
-    """What was found at the points of a run, judged, named and with units.
-
-    references: RMS by frequency responses, [model, series] a point.
-    """
-    reference = np.array(references)
-    checks = reference.size
-    pooled, degrees = np.array([e.pooled for e in evidence]), np.array([e.degrees for e in evidence])
-    low, high = verdicts.interval(pooled, degrees)
-    verdict_low, verdict_high = verdicts.interval(pooled, degrees, verdicts.simultaneous(checks))
-    tolerances = np.array([timedomain.tolerance(plan) for plan in run.plans])
-    solver = verdicts.solver_verdicts(np.array([e.solver_error for e in evidence]), tolerances)
-    statistical = verdicts.statistical_verdicts(pooled, degrees, reference, checks)
-    number = {"units": "1"}
-    by_series: dict[str, tuple[Any, str, dict[str, Any]]] = {
-        "verdict_solver": (
-            solver,
-            "solver check: simulation against its own line spectrum",
-            flags(verdicts.VERDICTS, ""),
-        ),
-        "verdict_statistical": (
-            statistical,
-            "statistical check: frequency-domain RMS against the simulation",
-            flags(verdicts.VERDICTS, ""),
-        ),
-        "solver_error": (
-            [e.solver_error for e in evidence],
-            "largest relative difference of a record's RMS from its line spectrum's",
-            number,
-        ),
-        "degrees_of_freedom": (degrees, "degrees of freedom of the pooled mean square", number),
-        "result_difference": (
-            _stored(run) / reference - 1,
-            "relative difference of the result's RMS from the one computed here",
-            number,
-        ),
+def label(run: Run, evidence: Sequence[Evidence], found: Sequence[References]) -> xr.Dataset:
+    """What was found at the points of a run, judged, named and with units. found: the frequency domain's numbers."""
+    by_series = _checks(run, evidence, found)
+    described: Variables = {
+        name: (("point", "model", "series"), values, attributes) for name, (values, attributes) in by_series.items()
     }
+    variables = described | _by_response(run, evidence, found, by_series) | _by_point(run, evidence, found)
+    return xr.Dataset(variables, _coordinates(run, evidence), _attributes(run, evidence))
+
+
+def _checks(
+    run: Run, evidence: Sequence[Evidence], found: Sequence[References]
+) -> dict[str, tuple[NDArray, dict[str, Any]]]:
+    """Differences, tolerances and verdicts, [point, model, series], by name with their attributes."""
+    kernel = np.array([f.kernel for f in found])
+    pooled, degrees = np.array([e.pooled for e in evidence]), np.array([e.degrees for e in evidence])
+    low, high = verdicts.interval(pooled, degrees, verdicts.simultaneous(kernel.size))
+    solver = np.array([e.solver_error for e in evidence])
+    differences: dict[str, NDArray[np.float64]] = {
+        "kernel": kernel / np.array([f.line_spectrum for f in found]) - 1,
+        "result": _stored(run, "rms") / np.array([f.own for f in found]) - 1,
+    }
+    tolerances = {
+        "kernel": KERNEL_TOLERANCE + LINE_SAFETY * np.array([f.line_change for f in found]),
+        "result": np.full_like(kernel, DISAGREEMENT),
+    }
+    if run.case.band is None:
+        covariance = np.array([f.covariance for f in found])
+        rounding = np.array([f.covariance_rounding for f in found])
+        differences["whole_axis"] = np.array([f.own for f in found]) / covariance - 1
+        tolerances["whole_axis"] = KERNEL_TOLERANCE + ROUNDING_SAFETY * rounding
+    psd, line_psd = _spectral_differences(run, evidence, found)
+    judged = {
+        "solver": verdicts.tolerance_verdicts(solver, _by_model(run, timedomain.SOLVER_TOLERANCE), verdicts.FAILED),
+        "statistical": verdicts.statistical_verdicts(pooled, degrees, kernel, kernel.size),
+        **{name: verdicts.tolerance_verdicts(value, tolerances[name]) for name, value in differences.items()},
+        "psd": verdicts.tolerance_verdicts(line_psd, _by_model(run, LINE_PSD_TOLERANCE), verdicts.FAILED),
+    }
+    if run.frequency.size:
+        stored = verdicts.tolerance_verdicts(psd, np.full_like(kernel, PSD_TOLERANCE))
+        judged["psd"] = np.where(stored == verdicts.CONFIRMED, judged["psd"], stored)
+    number = {"units": "1"}
+    width = (high - low) / 2 / pooled
+    seen = np.maximum(high / kernel - 1, 1 - low / kernel)
+    return {
+        **{
+            f"verdict_{name}": (judged[name], flags(verdicts.VERDICTS, f"{name.replace('_', ' ')} check: {what}"))
+            for name, what in CHECKS.items()
+            if name in judged
+        },
+        "solver_error": (
+            solver,
+            number | {"long_name": "largest relative difference of a record's RMS from its line spectrum's"},
+        ),
+        **{
+            f"{name}_difference": (value, number | {"long_name": f"relative difference: {CHECKS[name]}"})
+            for name, value in differences.items()
+        },
+        **{
+            f"{name}_tolerance": (tolerances[name], number | {"long_name": f"largest {name}_difference allowed"})
+            for name in differences
+        },
+        "psd_difference": (
+            psd,
+            number | {"long_name": "largest relative difference of the result's PSD from the states' response"},
+        ),
+        "line_psd_difference": (
+            line_psd,
+            number | {"long_name": "largest difference of the PSD of record 0 from that of its lines, of the highest"},
+        ),
+        "half_width": (
+            width,
+            number | {"long_name": "half of the interval that decides, of the simulated RMS"},
+        ),
+        "smallest_fault_seen": (
+            seen,
+            number | {"long_name": "smallest relative fault of the RMS that this simulation would have seen"},
+        ),
+        "degrees_of_freedom": (degrees, number | {"long_name": "degrees of freedom of the pooled mean square"}),
+    }
+
+
+def _by_model(run: Run, tolerance: Mapping[str, float]) -> NDArray[np.float64]:
+    """What the integrators of a run are allowed, [model, 1]."""
+    return np.array([[tolerance[timedomain.integrator_of(run.plans[0], model)]] for model in MODELS])
+
+
+def _spectral_differences(
+    run: Run, evidence: Sequence[Evidence], found: Sequence[References]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Largest relative differences of the result's PSDs and of record 0's lines, [point, model, series] each."""
+    lines = np.array([np.max(np.abs(e.psd_simulated - e.psd), -1) / np.max(e.psd, -1) for e in evidence])
+    if not run.frequency.size:
+        return np.full_like(lines, np.nan), lines
+    own = np.array([f.psd for f in found])
+    size = own + PSD_FLOOR * np.max(own, axis=-1, keepdims=True)
+    return np.max(np.abs(_stored(run, "psd") - own) / size, axis=-1), lines
+
+
+def _by_response(
+    run: Run, evidence: Sequence[Evidence], found: Sequence[References], checks: Mapping[str, tuple[NDArray, Any]]
+) -> Variables:
+    """The numbers behind the checks, a variable a response: <response>_<what>."""
+    pooled, degrees = np.array([e.pooled for e in evidence]), checks["degrees_of_freedom"][0]
+    low, high = verdicts.interval(pooled, degrees)
+    verdict_low, verdict_high = verdicts.interval(pooled, degrees, verdicts.simultaneous(pooled.size))
     every: dict[str, tuple[Any, str, tuple[str, ...]]] = {
-        "rms_frequency_domain": (reference, "RMS by frequency responses, continuous spectrum", ()),
+        "rms_frequency_domain": ([f.kernel for f in found], "RMS by frequency responses, continuous spectrum", ()),
         "rms_line_spectrum": ([e.line_spectrum for e in evidence], "RMS of a record by its line spectrum", ("record",)),
         "rms_time_domain": ([e.simulated for e in evidence], "RMS of a record by simulation", ("record",)),
         "rms_pooled": (pooled, "RMS of all Gaussian records together by simulation", ()),
@@ -85,45 +170,104 @@ def label(run: Run, evidence: Sequence[Evidence], references: Sequence[NDArray[n
             ("sample",),
         ),
     }
-    variables: dict[str, Any] = {
-        name: (("point", "model", "series"), np.array(values), described | {"long_name": what})
-        for name, (values, what, described) in by_series.items()
-    }
-    place = 0
-    for name in timedomain.RESPONSES:
+    if run.case.band is None:
+        every["rms_whole_axis"] = ([f.own for f in found], "RMS over the whole axis by the closed form", ())
+        every["rms_covariance"] = (
+            [f.covariance for f in found],
+            "RMS over the whole axis by the covariance of the simulated states",
+            (),
+        )
+    variables: Variables = {}
+    for name, part in series_of(run.names).items():
         response = RESPONSES[name]
-        part = slice(place, place + len(response.positions))
-        place = part.stop
+        place = (response.dimension,) if response.dimension else ()
         for suffix, (values, what, last) in every.items():
             unit = response.psd_unit if suffix.startswith("psd") else response.unit
+            own = np.asarray(values)[:, :, part]
             variables[f"{name}_{suffix}"] = (
-                ("point", "model", response.dimension, *last),
-                np.asarray(values)[:, :, part],
+                ("point", "model", *place, *last),
+                own if place else own[:, :, 0],
                 {"units": unit, "long_name": f"{response.long_name}: {what}"},
             )
-    variables["track_height"] = (
-        ("point", "axle", "sample"),
-        _padded([e.heights for e in evidence]).astype(np.float32),
-        {"units": "m", "long_name": "track height under the wheels, beginning of record 0"},
-    )
-    variables["startup"] = (
-        "point",
-        np.array([e.startup for e in evidence]),
-        {"units": "s", "long_name": "simulated before the measured period and discarded, the ramp included"},
-    )
-    variables["solver_tolerance"] = (
-        "model",
-        tolerances[0, :, 0],
-        number | {"long_name": "largest solver error that is allowed"},
-    )
-    variables["relative_tolerance"] = (
-        "point",
-        np.array(
-            [timedomain.accuracy(point, plan).relative for point, plan in zip(run.points, run.plans, strict=True)]
+    return variables
+
+
+def _by_point(run: Run, evidence: Sequence[Evidence], found: Sequence[References]) -> Variables:
+    """The track of record 0, what both sides share, and how the points were run."""
+    metre, number, second = {"units": "m"}, {"units": "1"}, {"units": "s"}
+    simulated, closed = np.array([e.track_deviation for e in evidence]), np.array([f.track_deviation for f in found])
+    ranges = np.array([timedomain.track_ranges(point, plan) for point, plan in zip(run.points, run.plans, strict=True)])
+    speed = np.array([[[point.speed]] for point in run.points])
+    judged = verdicts.tolerance_verdicts(simulated / closed - 1, np.full(closed.shape, TRACK_TOLERANCE))
+    return {
+        "computed_anew": (
+            "point",
+            np.array([bool(place.anew) for place in run.places], dtype=np.int8),
+            flags(("on_the_grid", "computed_anew"), "whether the result's grid lacks the point"),
         ),
-        number | {"long_name": "rtol of rk45 and radau"},
-    )
-    return xr.Dataset(variables, _coordinates(run, evidence), _attributes(run, evidence))
+        "verdict_track": (
+            ("point", "wavelength_range"),
+            judged,
+            flags(verdicts.VERDICTS, "track check: standard deviation of record 0 against that of the spectrum"),
+        ),
+        "track_deviation_simulated": (
+            ("point", "wavelength_range"),
+            simulated,
+            metre | {"long_name": "standard deviation of the track height of record 0 under the first wheel"},
+        ),
+        "track_deviation": (
+            ("point", "wavelength_range"),
+            closed,
+            metre | {"long_name": "standard deviation of the track height by the spectrum's closed form"},
+        ),
+        "wavelengths": (
+            ("point", "wavelength_range", "limit"),
+            (speed / ranges)[..., ::-1],
+            metre | {"long_name": "shortest and longest wavelength of a range"},
+        ),
+        "static_wheel_load": (
+            "point",
+            np.array([f.wheel_load for f in found]),
+            {"units": "N", "long_name": "static load of a wheel P0 (below eq. 1)"},
+        ),
+        "contact_stiffness_used": (
+            "point",
+            np.array([point.vehicle.contact_stiffness for point in run.points]),
+            {"units": "N m-1", "long_name": "contact stiffness K_H (eq. 1)"},
+        ),
+        "lag": (
+            ("point", "axle"),
+            np.array([wheel_lags(point.vehicle, point.speed) for point in run.points]),
+            second | {"long_name": "lag of a wheel behind the first (eq. 2)"},
+        ),
+        "lag_simulated": (
+            ("point", "axle"),
+            np.array([e.lags for e in evidence]),
+            second | {"long_name": "lag of a wheel behind the first, read off the track of record 0"},
+        ),
+        "track_height": (
+            ("point", "axle", "sample"),
+            _padded([e.heights for e in evidence]).astype(np.float32),
+            metre | {"long_name": "track height under the wheels, beginning of record 0"},
+        ),
+        "startup": (
+            "point",
+            np.array([e.startup for e in evidence]),
+            second | {"long_name": "simulated before the measured period and discarded, the ramp included"},
+        ),
+        "solver_tolerance": (
+            "model",
+            _by_model(run, timedomain.SOLVER_TOLERANCE)[:, 0],
+            number | {"long_name": "largest solver error that is allowed"},
+        ),
+        "relative_tolerance": (
+            "point",
+            np.array(
+                [timedomain.accuracy(point, plan).relative for point, plan in zip(run.points, run.plans, strict=True)]
+            ),
+            number | {"long_name": "rtol of rk45 and radau"},
+        ),
+    }
 
 
 def _padded(arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -138,7 +282,8 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
     coordinates: dict[str, Any] = {
         "point": ("point", np.arange(1, len(run.points) + 1, dtype=np.int32), {"long_name": "confirmed grid point"}),
         "model": ("model", np.array(MODELS), {"long_name": "with damper joints, or traditional with rigid ones"}),
-        "series": ("series", np.array(series_labels()), {"long_name": "response and position"}),
+        "series": ("series", np.array(series_labels(run.names)), {"long_name": "response and position"}),
+        "wavelength_range": ("wavelength_range", np.array(RANGES), {"long_name": "range of wavelengths of the track"}),
         "record": (
             "record",
             np.arange(run.plans[0].realisations + 1, dtype=np.int32),
@@ -157,13 +302,24 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         ),
     }
     for name in swept(run.dataset):
-        _, values, described = coordinate(grid_axis(run.dataset, name))
-        coordinates[name] = ("point", values[[index[name] for index in run.indices]], described)
-    for dimension in dict.fromkeys(RESPONSES[name].dimension for name in timedomain.RESPONSES):
+        for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case.masses).items():
+            coordinates[key] = ("point", values, described)
+    coordinates |= scalar_coordinates(run.case, run.band)
+    used = {RESPONSES[name].dimension for name in run.names} | {"axle"}
+    for dimension in (dimension for dimension in DIMENSIONS if dimension in used):
         long_name, labels = DIMENSIONS[dimension]
         values = np.array(labels, dtype=np.int32 if isinstance(labels[0], int) else None)
         coordinates[dimension] = (dimension, values, {"long_name": long_name})
     return coordinates
+
+
+def _axis_of_points(run: Run, name: str) -> Axis:
+    """A swept parameter's value at every point, in the result's unit whether the point is on its grid or not."""
+    axis = grid_axis(run.dataset, name)
+    factor = float(unit_factor(axis.unit)[0])
+    si = [grid_axis(place.dataset, name).si[place.index[name]] for place in run.places]
+    values = [si[n] / factor if place.anew else axis.values[place.index[name]] for n, place in enumerate(run.places)]
+    return replace(axis, values=np.array(values), si=np.array(si))
 
 
 def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
@@ -179,16 +335,16 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         "result_content_digest": content_digest(run.dataset),
         "result_band": str(run.dataset.attrs["band"]),
         "band": band_text(run.band),
-        "seed": np.int64(plan.seed),
-        "realisations": np.int64(plan.realisations),
+        "seed": whole(plan.seed),
+        "realisations": whole(plan.realisations),
         "duration_s": plan.period,
         "integrator": "; ".join(f"{model}: {timedomain.integrator_of(plan, model)}" for model in MODELS),
         "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, smaller where a mode in the band is damped by less "
         f"than {timedomain.WELL_DAMPED:g}, atol the same share of a state's RMS, longest step 1/"
         f"{timedomain.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a sample of the "
         "track; exponential: exact for the track's spline",
-        "interpolation": f"periodic cubic spline, at least {plan.samples_a_period} samples a period of the highest "
-        "line, harmonics in the band exact",
+        "interpolation": "periodic cubic spline, harmonics in the band exact, images below "
+        f"{timedomain.IMAGES:g} of an RMS",
         "start": plan.start,
         "ramp_s": 0.0 if steady else timedomain.RAMP,
         "discard_rule": "nothing: the start is the lines' own steady state" if steady else f"the ramp, then {discard}",
@@ -203,107 +359,21 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
             for model, fault in e.failures.items()
         ),
         "versions": json.dumps(versions),
+        "warnings": str(run.dataset.attrs.get("warnings", "")),
     }
     return {key: value for key, value in (described | conditions).items() if str(value) != ""}
 
 
-def problems(dataset: xr.Dataset) -> list[str]:
-    """One line for every point and model whose numbers do not all stand, and for every run that failed."""
-    lines = [part for part in str(dataset.attrs.get("failures", "")).split("; ") if part]
-    for check in ("solver", "statistical"):
-        values = dataset[f"verdict_{check}"].values
-        for point, model in np.argwhere((values != 0).any(axis=-1)):
-            row = values[point, model]
-            bad = [str(dataset["series"].values[i]) for i in np.flatnonzero(row)]
-            how = "outside" if (row[row != 0] == 1).all() else "without a number"
-            shown = ", ".join(bad[:3]) + (f" and {len(bad) - 3} more" if len(bad) > 3 else "")
-            where = f"{dataset['place'].values[point]}, {dataset['model'].values[model]} model"
-            lines.append(f"{where}: {check} check {how}: {shown}")
-    differ = np.abs(dataset["result_difference"].values)
-    for point in np.flatnonzero((differ > DISAGREEMENT).any(axis=(1, 2))):
-        lines.append(
-            f"{dataset['place'].values[point]}: the result's numbers differ by up to {np.nanmax(differ[point]):.1e} "
-            "from those that this freqrail computes; sweep anew"
-        )
-    return lines
-
-
-def series_labels() -> list[str]:
-    """The eleven series by label, such as "bogie_acceleration front" and "primary_stroke axle 1"."""
-    labels = []
-    for name in timedomain.RESPONSES:
-        for position in RESPONSES[name].positions:
-            labels.append(f"{name} {'axle ' if RESPONSES[name].dimension == 'axle' else ''}{position}")
-    return labels
-
-
-def _stored(run: Run) -> NDArray[np.float64]:
-    """The result's own RMS at the points, [point, model, series]; NaN where it has none over the band confirmed."""
-    rows = np.full((len(run.points), len(MODELS), timedomain.SERIES_COUNT), np.nan)
-    if run.case.band != run.band:
-        return rows
-    place = 0
-    for name in timedomain.RESPONSES:
-        count = len(RESPONSES[name].positions)
+def _stored(run: Run, kind: str) -> NDArray[np.float64]:
+    """The result's own numbers at the points, "rms" [point, model, series] or "psd" [..., frequency]; NaN for none."""
+    last = run.frequency.shape if kind == "psd" else ()
+    rows = np.full((len(run.points), len(MODELS), timedomain.series_count(run.names), *last), np.nan)
+    for name, part in series_of(run.names).items():
         for model, prefix in enumerate(("", "traditional_")):
-            if f"{prefix}{name}_rms" in run.dataset:
-                variable = run.dataset[f"{prefix}{name}_rms"]
-                for point, index in enumerate(run.indices):
-                    at = {dim: i for dim, i in index.items() if dim in variable.dims}
-                    rows[point, model, place : place + count] = variable.isel(at).values
-        place += count
+            if f"{prefix}{name}_{kind}" in run.dataset:
+                variable = run.dataset[f"{prefix}{name}_{kind}"]
+                for point, place in enumerate(run.places):
+                    at = {dim: i for dim, i in place.index.items() if dim in variable.dims}
+                    if not place.anew:
+                        rows[point, model, part] = variable.isel(at).values
     return rows
-
-
-def relative(dataset: xr.Dataset, key: str) -> NDArray[np.float64]:
-    """An RMS by simulation, such as "pooled" or "interval_low", relative to the frequency domain's, less one:
-    [point, model, series]."""
-    parts = [
-        dataset[f"{name}_rms_{key}"].values / dataset[f"{name}_rms_frequency_domain"].values - 1
-        for name in timedomain.RESPONSES
-    ]
-    return np.concatenate(parts, axis=-1)
-
-
-def is_confirmation(dataset: xr.Dataset) -> bool:
-    """Whether a dataset is one of `confirm`."""
-    return "verdict_solver" in dataset
-
-
-def band_note(dataset: xr.Dataset) -> str:
-    """What band the numbers were confirmed over, and that it is not the result's own if so."""
-    band, own = dataset.attrs["band"], dataset.attrs["result_band"]
-    return f"confirmed over {band}" + ("" if band == own else f" (the result's own band: {own})")
-
-
-def records(dataset: xr.Dataset, point: int) -> list[dict[str, Any]]:
-    """What the table of one point (counted from 0) shows: a row a model and series, in shown units."""
-    rows = []
-    for m, model in enumerate(map(str, dataset["model"].values)):
-        one = dataset.isel(point=point, model=m)
-        series = iter(range(dataset.sizes["series"]))
-        for name in timedomain.RESPONSES:
-            response = RESPONSES[name]
-            kept = ("frequency_domain", "pooled", "interval_low", "interval_high")
-            values = np.array([one[f"{name}_rms_{key}"].values for key in kept]) * response.shown_scale
-            for rms, simulated, low, high in values.T.tolist():
-                k = next(series)
-                rows.append(
-                    {
-                        "model": model,
-                        "series": str(dataset["series"].values[k]),
-                        "RMS": rms,
-                        "simulated": simulated,
-                        "interval_low": low,
-                        "interval_high": high,
-                        "unit": response.shown_unit,
-                        "statistical": _word(one["verdict_statistical"], k),
-                        "solver_error": float(one["solver_error"].values[k]),
-                        "solver": _word(one["verdict_solver"], k),
-                    }
-                )
-    return rows
-
-
-def _word(verdict: xr.DataArray, series: int) -> str:
-    return str(verdict.attrs["flag_meanings"]).split()[int(verdict.values[series])]

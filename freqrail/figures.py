@@ -1,16 +1,17 @@
-"""Figures of a sweep's result, fit for a paper. Nothing is computed here: what is drawn is in the dataset.
+"""Figures of a sweep's result, fit for a paper. Nothing is computed here: what is drawn is in a dataset.
 
 A figure has one panel a response, laid out as the paper's figs. 5 to 7, and draws the first stored
 position of each: the car body over the front pivot, the front bogie, axle 1. What it keeps fixed stands
-above the panels, what its lines mean below them, so that neither covers data.
+above the panels, what its lines mean below them, so that neither covers data. Where it keeps a value that the grid
+lacks, the dataset that it draws is computed anew (`freqrail.anew`).
 """
 
 from __future__ import annotations
 
 import os
-import shlex
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,14 +27,17 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from freqrail import confirmation_figures
+from freqrail import confirmation_figures, files, manifest
+from freqrail.anew import ATTRIBUTE, find
 from freqrail.case import Case
-from freqrail.casefile import shipped_cases
+from freqrail.casefile import parse_toml, to_toml
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
-from freqrail.evidence import is_confirmation
+from freqrail.findings import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
-from freqrail.points import Point, axis_label, confirmed_point, locate, result_case, swept
+from freqrail.points import Point, axis_unit, confirmed_point, grid_axis, off_grid, result_case, swept
+from freqrail.quantities import printable
+from freqrail.shipped import shipped_cases
 from freqrail.storage import open_result
 
 FORMATS = ("png", "svg", "pdf")
@@ -84,16 +88,18 @@ def plot(
 
     dataset: a result of `sweep` or `confirm`, or the path of its file. folder: made if it is missing, but not its
     parents. format: "png" (200 dpi), "svg" or "pdf". at: the point (see `points.parse_point`) at which a figure holds
-    the parameters that it does not draw; a name left out takes the case's scalar, or the grid's nearest value.
+    the parameters that it does not draw; a name left out takes the case's scalar. What the grid does not hold is
+    computed anew from the case in the result, and the caption says so.
     progress: called with the number of figures just drawn.
 
     Figures are `rms-against-speed`, or one `rms-against-speed-AXIS` a further axis; `rms-against-AXIS`
     and `map-speed-AXIS` for each of these; and `psd` where spectra are stored (see `hint`). An axis of one
-    value gets none. Of a confirmation they are those of `confirmation_figures`. Files of the same name are
-    replaced. SVG and PDF are the same bytes from run to run.
+    value gets none. Of a confirmation they are those of `confirmation_figures`. The folder keeps a list of its files
+    (see `manifest`): figures of an earlier run are replaced, anything else in it is refused. SVG and PDF are the same
+    bytes from run to run.
 
     Raises InputError for an unknown format, a point off the grid, a dataset that is no sweep or that has
-    nothing to draw; FileError if the folder or a file cannot be written.
+    nothing to draw, a folder that holds anything else; FileError if the folder or a file cannot be written.
     """
     if format not in FORMATS:
         raise InputError(f"--format: must be one of {', '.join(FORMATS)} (got {format!r})")
@@ -105,13 +111,20 @@ def plot(
             "plot: nothing to draw: at least two speeds, two values of another swept parameter, or stored spectra "
             "(freqrail sweep CASE --psd) are needed"
         )
+    listed = manifest.owned(Path(folder), "plot")
     target = _folder(Path(folder))
     title = str(dataset.attrs.get("title", dataset.attrs["case_name"]))
     # after_reset: a matplotlibrc of the user's must not change the bytes
     with matplotlib.style.context(STYLE, after_reset=True):
         paths = []
         for stem, draw in drawings.items():
-            paths.append(save(draw(), target / f"{stem}.{format}", title))
+            path = target / f"{stem}.{format}"
+
+            def enter(whole: Path, name: str = path.name) -> None:
+                listed[name] = manifest.digest(whole)
+                manifest.record(target, "plot", listed)
+
+            paths.append(save(draw(), path, title, enter))
             progress(1)
         return paths
 
@@ -126,9 +139,20 @@ def _all_drawings(dataset: xr.Dataset, at: Point | None) -> dict[str, Callable[[
         return confirmation_figures.drawings(dataset, confirmed_point(dataset, at) if at else None)
     if "status" not in dataset:
         raise InputError("plot: this dataset is no result of `freqrail sweep` (it has no variable status)")
-    if not np.any(dataset["status"] == 0) and not np.any(dataset["traditional_status"] == 0):
+    if not any(np.isfinite(v).any() for k, v in dataset.data_vars.items() if str(k).endswith("_rms")):
         raise InputError(f"plot: no grid point has a result ({'; '.join(first_failures(dataset))})")
-    return _drawings(dataset, locate(dataset, at, nearest=True))
+    off_grid(dataset, at)
+    return {stem: partial(_drawn_at, dataset, at, drawing) for stem, drawing in _drawings(dataset).items()}
+
+
+def note(dataset: xr.Dataset, at: Point | None = None) -> str | None:
+    """What of a point is not on the grid, so that `plot` computes anew what its figures hold there; None if nothing."""
+    if is_confirmation(dataset):
+        return None
+    off = off_grid(dataset, at)[1]
+    held = [name for name in off if any(name not in drawing.axes for drawing in _drawings(dataset).values())]
+    values = ", ".join(f"{name} = {off[name].text}" for name in held)
+    return f"computed anew where a figure holds it: {values} is not on the result's grid" if held else None
 
 
 def hint(dataset: xr.Dataset) -> str | None:
@@ -136,30 +160,45 @@ def hint(dataset: xr.Dataset) -> str | None:
     if _stored(dataset, "_psd") or is_confirmation(dataset):
         return None
     name = str(dataset.attrs["case_name"])
-    case = name if name in shipped_cases() else f"{name}.toml"
-    command = f"freqrail sweep {shlex.quote(case)} --psd -o {shlex.quote(f'{name}-psd.nc')}"
-    return f"no spectra stored; to plot them: {command} (with the --set and --over of this result)"
+    shipped = shipped_cases().get(name)
+    if shipped is None or to_toml(parse_toml(shipped, name)) != dataset.attrs["effective_case"]:
+        return "no spectra stored; to plot them, sweep the case anew with --psd and the same --set and --over"
+    return f"no spectra stored; to plot them: freqrail sweep {name} --psd -o {name}-psd.nc"
 
 
-def _drawings(dataset: xr.Dataset, index: Mapping[str, int]) -> dict[str, Callable[[], Figure]]:
+@dataclass(frozen=True)
+class _Drawing:
+    """A figure: the swept parameters that it draws whole, and the function that draws it, with what this takes last."""
+
+    axes: tuple[str, ...]
+    draw: Callable[..., Figure]
+    rest: tuple[str | None, ...] = ()
+
+
+def _drawings(dataset: xr.Dataset) -> dict[str, _Drawing]:
     """The figures that the axes of a dataset allow, by the stem of their file's name."""
-    case = result_case(dataset)
     axes = [name for name in swept(dataset) if dataset.sizes[name] > 1]
     others = [name for name in axes if name != "speed"]
     speed = "speed" if "speed" in axes else None
-    drawings: dict[str, Callable[[], Figure]] = {}
+    drawings: dict[str, _Drawing] = {}
     if speed and not others:
-        drawings["rms-against-speed"] = partial(_curves, dataset, case, index, speed, None)
+        drawings["rms-against-speed"] = _Drawing((speed,), _curves, (speed, None))
     for name in others if speed else ():
-        drawings[f"rms-against-speed-{name}"] = partial(_curves, dataset, case, index, "speed", name)
+        drawings[f"rms-against-speed-{name}"] = _Drawing(("speed", name), _curves, ("speed", name))
     for name in others:
-        drawings[f"rms-against-{name}"] = partial(_curves, dataset, case, index, name, speed)
+        drawings[f"rms-against-{name}"] = _Drawing((name, *([speed] if speed else [])), _curves, (name, speed))
     for name in others if speed else ():
         if np.isfinite(dataset[name].values).sum() > 1:
-            drawings[f"map-speed-{name}"] = partial(_map, dataset, case, index, name)
+            drawings[f"map-speed-{name}"] = _Drawing(("speed", name), _map, (name,))
     if _stored(dataset, "_psd"):
-        drawings["psd"] = partial(_spectra, dataset, case, index)
+        drawings["psd"] = _Drawing((), _spectra)
     return drawings
+
+
+def _drawn_at(dataset: xr.Dataset, at: Point | None, drawing: _Drawing) -> Figure:
+    """A figure of what the result holds at a point, or of what is computed anew there."""
+    found = find(dataset, at, drawing.axes)
+    return drawing.draw(found.dataset, result_case(found.dataset), found.index, *drawing.rest)
 
 
 # --- the figures -----------------------------------------------------------------------------------
@@ -209,7 +248,8 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         }
         models.append(_handle(mark, "rigid joint, at the right edge"))
     if family:
-        values = [_handle(style, _value(dataset, family, i)) for i, style in zip(places, styles, strict=True)]
+        labels = _values(dataset, family, places)
+        values = [_handle(style, label) for label, style in zip(labels, styles, strict=True)]
         size = dataset.sizes[family]
         _legend(figure, models, values, _symbol(family) + (f" ({len(places)} of {size} values)" * (len(places) < size)))
     else:
@@ -304,13 +344,30 @@ def _pretty(unit: str) -> str:
 
 
 def _value(dataset: xr.Dataset, name: str, index: int) -> str:
-    return _pretty(axis_label(dataset, name, index))
+    return _values(dataset, name, [index])[0]
+
+
+def _values(dataset: xr.Dataset, name: str, places: Sequence[int] | NDArray[np.intp]) -> list[str]:
+    """Grid values as labels: three digits, more only where two of them would read alike."""
+    axis = grid_axis(dataset, name)
+    values, unit = axis.values[np.asarray(places)], _pretty(axis.unit)
+    for digits in range(3, 17):
+        labels = ["rigid" if np.isinf(value) else f"{_digits(float(value), digits)} {unit}" for value in values]
+        if len(set(labels)) == len(labels):
+            break
+    return labels
+
+
+def _digits(value: float, digits: int) -> str:
+    """A number in so many significant digits, without an exponent up to ten million."""
+    if 1 <= abs(value) < 1e7:
+        return f"{round(value, max(0, digits - len(str(int(abs(value)))))):.15g}"
+    return f"{value:.{digits}g}"
 
 
 def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
     """Label an axis with name, symbol and unit; that of a joint stiffness is logarithmic."""
-    attributes = dataset[name].attrs
-    unit = _pretty(str(attributes.get("units", attributes.get("user_units"))))
+    unit = _pretty(axis_unit(dataset, name))
     axis = ax.xaxis if which == "x" else ax.yaxis
     axis.set_label_text(f"{name.replace('_', ' ')} {_symbol(name)} [{unit}]")
     if name in JOINTS:
@@ -335,25 +392,30 @@ def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
 def _caption(
     dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[str] = tuple(MODELS)
 ) -> list[str]:
-    """What a figure keeps fixed, and how many of the points it draws have no result."""
+    """What a figure keeps fixed, and how many of the points it draws lack results."""
     held = {}
-    for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in dataset.coords)]):
+    swept_once = {axis.name for axis in case.axes} & {*map(str, dataset.coords)}
+    for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in swept_once)]):
         if name in where:
             if np.ndim(where[name]) == 0:
                 held[name] = _value(dataset, name, int(where[name]))
-        elif name in dataset.coords:  # a slice that the caller has cut out of the result
+        elif name in swept_once:  # a slice that the caller has cut out of the result
             held[name] = _value(dataset[[name]].expand_dims(name), name, 0)
         else:
             quantity = case.quantities[name]
             held[name] = "rigid" if np.isinf(quantity.value) else _pretty(quantity.text)
-    fixed = [f"{_symbol(name)} = {text.replace('rigid', '∞ (rigid)')}" for name, text in held.items()]
+    anew = str(dataset.attrs.get(ATTRIBUTE, "")).split()
+    fixed = [
+        f"{_symbol(name)} = {text.replace('rigid', '∞ (rigid)')}{' (computed anew)' * (name in anew)}"
+        for name, text in held.items()
+    ]
     # no-break spaces: a long caption is wrapped between its items, not within one
     lines = [", ".join(item.replace(" ", "\N{NO-BREAK SPACE}") for item in [*fixed, f"band: {dataset.attrs['band']}"])]
     for prefix in models:
         values = [_drawn(dataset, response, prefix, suffix, where) for response in _stored(dataset, suffix)]
         missing = np.any(np.isnan(values), axis=0)
         if missing.any():
-            lines.append(f"{MODELS[prefix]}: {missing.sum()} of {missing.size} points have no result (gaps)")
+            lines.append(f"{MODELS[prefix]}: {missing.sum()} of {missing.size} points lack results (gaps)")
     return lines
 
 
@@ -426,16 +488,16 @@ def _folder(folder: Path) -> Path:
     return folder
 
 
-def save(figure: Figure, target: Path, title: str) -> Path:
-    """Write a figure under a temporary name and put it in the target's place only when it is whole."""
+def save(figure: Figure, target: Path, title: str, ready: Callable[[Path], object] = lambda whole: None) -> Path:
+    """Write a figure beside its target and put it in the target's place only when it is whole; see `files.replacing`.
+
+    Characters of the title that no SVG file may hold are escaped.
+    """
     format = target.suffix[1:]
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(format, {})
-    temporary = target.with_name(f".{target.name}.partial")
     try:
-        figure.savefig(temporary, format=format, dpi=200, metadata={"Title": title, **undated})
-        os.replace(temporary, target)
+        with files.replacing(target, ready) as path:
+            figure.savefig(path, format=format, dpi=200, metadata={"Title": printable(title), **undated})
     except OSError as fault:
         raise FileError(f"{target}: cannot be written: {fault.strerror or fault}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
     return target

@@ -21,13 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import residues, rms
-from freqrail.nodes import SharedNodes, own_edges, shared_nodes, speed_groups
+from freqrail.nodes import SharedNodes, every_pole, lost, own_edges, shared_nodes, speed_groups
+from freqrail.partial_fractions import own_resonances
 from freqrail.response import SERIES, response_psd
 from freqrail.study import Study, cells, cells_by_geometry, cut
 from freqrail.vehicle import chain_system, ladder, poles, state_space
 
 STATUS = ("ok", "unresolved_peak", "undamped", "failed")
-"""Meaning of the status values 0, 1, ...; all but the first come with NaN."""
+"""Meaning of the status values 0, 1, ...; all but the first come with NaN in some response."""
 
 METHOD = ("none", "closed_form", "shared_quadrature", "own_quadrature")
 """Meaning of the method values: no result, sum of residues, nodes shared by the grid, nodes of the vehicle's own."""
@@ -48,7 +49,8 @@ Progress = Callable[[int], object]
 class Solution:
     """RMS values and their relative error estimates {name: [positions, grid..., speeds]} in SI units.
 
-    status and method: [grid..., speeds], int8, see `STATUS` and `METHOD`; NaN wherever status is not 0.
+    status and method: [grid..., speeds], int8, see `STATUS` and `METHOD`; the status is the gravest that befell any
+    response. A number and its error are NaN where it is not finite, its error exceeds `TOLERANCE` or it is undamped.
     """
 
     rms: dict[str, NDArray[np.float64]]
@@ -64,7 +66,7 @@ def solve(
 
     jobs: threads that work on blocks; the result does not depend on it. progress: called with the
     number of grid points just finished. nodes: `shared_nodes` of the grid that this one is a part of, if any.
-    Never raises for a numerical failure: such points are NaN.
+    Never raises for a numerical failure: such numbers are NaN.
     """
     groups = shared_nodes(study) if nodes is None else nodes
     solution = _blank(study)
@@ -105,9 +107,11 @@ def _solve_in_closed_form(study: Study, solution: Solution, jobs: int, progress:
 
 
 def _inaccurate(study: Study, solution: Solution) -> list[tuple[int, ...]]:
-    """Damped vehicles with an error estimate above TOLERANCE, or none at all, at some speed."""
-    worst = np.max([np.max(e, axis=(0, -1)) for e in solution.relative_error.values()], axis=0)
-    return [tuple(map(int, i)) for i in np.argwhere(~(worst <= TOLERANCE) & ~_without_damper(study))]
+    """Vehicles of which a damped response has an error estimate above TOLERANCE, or none at all, at some speed."""
+    result = np.zeros(study.vehicle.shape, dtype=bool)
+    for name, error in solution.relative_error.items():
+        result |= ~(np.max(error, axis=(0, -1)) <= TOLERANCE) & ~_without_damper(study, SERIES[name].chains)
+    return [tuple(map(int, index)) for index in np.argwhere(result)]
 
 
 def _improve(study: Study, solution: Solution, index: tuple[int, ...]) -> None:
@@ -168,13 +172,21 @@ def _weighted_nodes(study: Study, geometry: tuple[int, ...], rule: rms.Quadratur
 def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanSquare]:
     """Mean squares of one vehicle at every speed with nodes placed for it alone, and denser: [positions, speeds]."""
     vehicle = study.vehicle.at(index)
-    edges = own_edges(study, vehicle)
+    found = {chain: own_resonances(vehicle, chain) for chain in study.chains}
+    rounding = lost(study, found)
+    hopeless = {name for name in study.names if not np.any(rounding[name] / 2 <= TOLERANCE)}
+    if hopeless and np.isfinite(every_pole(found)).all():
+        rest = replace(study, names=tuple(name for name in study.names if name not in hopeless))
+        squares = _own_quadrature(rest, index) if rest.names else {}
+        zero = {name: np.zeros((len(SERIES[name].positions), study.speed.size)) for name in hopeless}
+        return squares | {name: rms.MeanSquare(each, each + np.inf) for name, each in zero.items()}
+    edges = own_edges(study, vehicle, every_pole(found))
     if edges is None:
         nothing = {k: np.full((len(SERIES[k].positions), study.speed.size), np.nan) for k in study.names}
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     rule = rms.quadrature(edges)
     nodes = rms.weighted_nodes(vehicle, study.spectrum, rule, study.speed, study.limits, OWN_NODES)
-    squares = rms.mean_squares(vehicle, study.names, nodes, rms.rounding(poles(vehicle, study.chains), study.limits))
+    squares = rms.mean_squares(vehicle, study.names, nodes, rounding)
     if np.isinf(study.limits).any():
         beyond = rms.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}
@@ -191,9 +203,10 @@ def psd(
             part = replace(study, vehicle=cut(study.vehicle, cell))
             column = part.vehicle.column().column()
             for name in study.names:
-                result[name][(slice(None), *cell)] = response_psd(
-                    SERIES[name], column, study.spectrum, frequency, study.speed[:, None]
-                )
+                density = response_psd(SERIES[name], column, study.spectrum, frequency, study.speed[:, None])
+                # a response spans only the axes that it depends on: the positions come before all of them
+                missing = tuple(range(1, 1 + result[name].ndim - density.ndim))
+                result[name][(slice(None), *cell)] = np.expand_dims(density, missing)
             progress(part.points)
     return result
 
@@ -240,24 +253,43 @@ def _store(solution: Solution, cell: tuple[slice, ...], squares: dict[str, rms.M
 
 
 def _judge(study: Study, solution: Solution) -> None:
-    """Give every point its status, and NaN where it is not ok."""
-    errors = np.concatenate(list(solution.relative_error.values()))
-    finite = np.all([np.all(np.isfinite(v), axis=0) for v in solution.rms.values()], axis=0)
-    solution.status[np.all(errors <= TOLERANCE, axis=0) & finite] = STATUS.index("ok")
-    solution.status[~finite] = STATUS.index("failed")
-    for index in map(tuple, np.argwhere(_without_damper(study))):
-        undamped = _undamped(study, index)
-        solution.status[index][undamped] = STATUS.index("undamped")
-    bad = solution.status != STATUS.index("ok")
-    solution.method[bad] = METHOD.index("none")
-    for values in (*solution.rms.values(), *solution.relative_error.values()):
-        values[:, bad] = np.nan
+    """Give every point its status, and NaN to the numbers that cannot be promised."""
+    undamped = _undamped_chains(study)
+    found = {status: np.zeros(study.shape, dtype=bool) for status in ("unresolved_peak", "failed", "undamped")}
+    nothing = np.ones(study.shape, dtype=bool)
+    for name, error in solution.relative_error.items():
+        value = solution.rms[name]
+        infinite = np.zeros(study.shape, dtype=bool)
+        for chain in undamped.keys() & set(SERIES[name].chains):
+            infinite |= undamped[chain]
+        bad = ~np.isfinite(value) | ~(error <= TOLERANCE) | infinite
+        found["unresolved_peak"] |= np.any(bad, axis=0)
+        found["failed"] |= np.any(~np.isfinite(value), axis=0)
+        found["undamped"] |= infinite
+        nothing &= np.all(bad, axis=0)
+        value[bad], error[bad] = np.nan, np.nan
+    solution.status[...] = STATUS.index("ok")
+    for status, where in found.items():  # the gravest last
+        solution.status[where] = STATUS.index(status)
+    solution.method[nothing] = METHOD.index("none")
 
 
-def _without_damper(study: Study) -> NDArray[np.bool_]:
-    """Vehicles of which a chain that the responses take part in has no damper at all, [grid...]."""
-    result = np.zeros(study.vehicle.shape, dtype=bool)
+def _undamped_chains(study: Study) -> dict[str, NDArray[np.bool_]]:
+    """Where a chain without any damper resonates inside the band, {chain: [grid..., speeds]}, if anywhere."""
+    result = {}
     for chain in study.chains:
+        none = _without_damper(study, (chain,))
+        if none.any():
+            result[chain] = np.zeros(study.shape, dtype=bool)
+            for index in map(tuple, np.argwhere(none)):
+                result[chain][index] = _undamped(study, index, chain)
+    return result
+
+
+def _without_damper(study: Study, chains: tuple[str, ...]) -> NDArray[np.bool_]:
+    """Vehicles of which one of the chains has no damper at all, [grid...]."""
+    result = np.zeros(study.vehicle.shape, dtype=bool)
+    for chain in chains:
         none = np.ones(study.vehicle.shape, dtype=bool)
         for _, damping, _ in ladder(study.vehicle, chain)[1]:
             none &= np.equal(damping, 0)
@@ -265,16 +297,11 @@ def _without_damper(study: Study) -> NDArray[np.bool_]:
     return result
 
 
-def _undamped(study: Study, index: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Whether a chain without any damper resonates inside the band, [speeds]: its variance is infinite."""
-    vehicle, limits = study.vehicle.at(index), study.limits
-    result = np.zeros(limits.shape[1], dtype=bool)
-    for chain in study.chains:
-        if all(damping == 0 for _, damping, _ in ladder(vehicle, chain)[1]):
-            resonances = np.abs(np.linalg.eigvals(state_space(chain_system(vehicle, chain)).a).imag)
-            inside = (resonances[:, None] > limits[0]) & (resonances[:, None] < limits[1])
-            result |= inside.any(axis=0)
-    return result
+def _undamped(study: Study, index: tuple[int, ...], chain: str) -> NDArray[np.bool_]:
+    """Whether a vehicle's chain, without damper, resonates inside the band, [speeds]: its variance is infinite."""
+    resonances = np.abs(np.linalg.eigvals(state_space(chain_system(study.vehicle.at(index), chain)).a).imag)
+    inside = (resonances[:, None] > study.limits[0]) & (resonances[:, None] < study.limits[1])
+    return inside.any(axis=0)
 
 
 def processors() -> int:

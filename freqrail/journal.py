@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from freqrail.errors import FileError, FreqrailWarning, InputError
+from freqrail.files import check_beside
 
 _TABLES = """
 create table meta (identity text not null);
@@ -42,10 +43,15 @@ class Journal:
         """The journal of `target`, for the sweep with this identity; a context that closes it.
 
         resume: take over the blocks that an earlier run of the same sweep left; else any journal is begun afresh.
-        Raises InputError if a journal to resume is of another sweep or damaged, FileError if it cannot be written.
+        Raises InputError if a journal to resume is of another sweep or damaged, FileError if it cannot be written, or
+        if a file that is no journal stands in its place.
         """
         path = journal_path(target)
+        check_beside(path, "the journal")
+        check_beside(_sqlite_own(path), "the journal")
         if not resume and path.exists():
+            if not _is_journal(path):
+                raise FileError(f"{path}: is in the way of the journal, and none of freqrail's; remove it")
             remove(path)
             warnings.warn(
                 f"{path}: an interrupted run left this journal; started afresh, --resume would have gone on",
@@ -64,7 +70,9 @@ class Journal:
                 keys = _whole_blocks(database, path, identity) if there else _begin(database, identity)
             except sqlite3.DatabaseError as fault:
                 if there and not isinstance(fault, sqlite3.OperationalError):
-                    raise InputError(_unusable(path, f"damaged ({fault})")) from None
+                    raise InputError(
+                        f"--resume: {path}: damaged ({fault}); remove it and leave out --resume to start afresh"
+                    ) from None
                 raise FileError(f"{path}: the journal cannot be written: {fault}") from None
             try:
                 yield cls(path, keys, database)
@@ -102,8 +110,23 @@ class Journal:
 
 def remove(path: Path) -> None:
     """Delete a journal and what SQLite left beside it, if they are there."""
-    for each in (path, path.with_name(path.name + "-journal")):
+    for each in (path, _sqlite_own(path)):
         each.unlink(missing_ok=True)
+
+
+def _sqlite_own(path: Path) -> Path:
+    """Where SQLite keeps what it needs to undo a change of a journal that was cut short."""
+    return path.with_name(path.name + "-journal")
+
+
+def _is_journal(path: Path) -> bool:
+    """Whether a file is a journal that a run left, and not somebody's file of that name; empty if killed at once."""
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as database:
+            tables = {row[0] for row in database.execute("select name from sqlite_master where type = 'table'")}
+    except sqlite3.Error:
+        return False
+    return tables in (set(), {"meta", "block"})
 
 
 def _begin(database: sqlite3.Connection, identity: str) -> frozenset[str]:
@@ -119,14 +142,13 @@ def _whole_blocks(database: sqlite3.Connection, path: Path, identity: str) -> fr
         return _begin(database, identity)
     found = [row[0] for row in database.execute("select identity from meta")]
     if found != [identity]:
-        raise InputError(_unusable(path, "it is of another case, grid, responses or version of freqrail or numpy"))
+        raise InputError(
+            f"--resume: {path}: it is of another case, grid, responses or version of freqrail or numpy; "
+            "leave out --resume to start afresh"
+        )
     return frozenset(
         key for key, digest, data in database.execute("select key, digest, data from block") if _hash(data) == digest
     )
-
-
-def _unusable(path: Path, why: str) -> str:
-    return f"--resume: {path}: {why}; leave out --resume to start afresh"
 
 
 def _hash(data: bytes) -> str:

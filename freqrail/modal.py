@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from freqrail.case import Case, load_case
 from freqrail.errors import InputError
-from freqrail.residues import modal
+from freqrail.partial_fractions import modal
 from freqrail.vehicle import CHAINS, System, Vehicle, chain_system, state_space
 
 _WORDS = {

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import bisect
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail import residues, rms
+from freqrail import rms
+from freqrail.partial_fractions import EPSILON, Resonances, chain_poles, resonances
+from freqrail.response import SERIES
 from freqrail.study import Study, cut
 from freqrail.track import RationalSpectrum, kinks, singular_points
-from freqrail.vehicle import Vehicle, poles
+from freqrail.vehicle import Vehicle
 
 SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
 SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
@@ -30,15 +33,15 @@ OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by 
 
 @dataclass(frozen=True)
 class SharedNodes:
-    """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own; `rms.rounding` [m].
+    """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own.
 
-    speeds: [m], which of the grid's speeds they are for. They depend on the whole grid: a part of it takes those of
-    the whole, and so gets the same bits.
+    speeds: [m], which of the grid's speeds they are for. lost: `rms.rounding` of each response, {name: [m]}. They
+    depend on the whole grid: a part of it takes those of the whole, and so gets the same bits.
     """
 
     speeds: NDArray[np.intp]
     edges: NDArray[np.float64] | None
-    lost: NDArray[np.float64]
+    lost: Mapping[str, NDArray[np.float64]]
 
 
 def in_closed_form(study: Study) -> bool:
@@ -51,29 +54,67 @@ def shared_nodes(study: Study) -> tuple[SharedNodes, ...]:
     if in_closed_form(study):
         return ()
     sample = replace(study, vehicle=_sample(study.vehicle))
-    resonances = np.concatenate([residues.chain_poles(sample.vehicle, chain).ravel() for chain in study.chains])
-    resonances = resonances[np.isfinite(resonances)]
+    found = {chain: _sampled(sample.vehicle, chain) for chain in study.chains}
     all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
-    return tuple(_shared(sample, group, resonances, all_known) for group in speed_groups(sample, resonances))
+    groups = speed_groups(sample, every_pole(found))
+    return tuple(_shared(sample, group, found, all_known) for group in groups)
 
 
-def _shared(study: Study, speeds: NDArray[np.intp], resonances: NDArray[np.complex128], all_known: bool) -> SharedNodes:
+def _sampled(vehicle: Vehicle, chain: str) -> Resonances:
+    """The resonances [n] of a chain of all vehicles of a grid; not known if eigenvalues cannot tell a peak's width."""
+    poles = chain_poles(vehicle, chain)
+    found = resonances(vehicle, chain, poles)
+    here = np.isfinite(poles)
+    errors = {name: error[here] for name, error in found.errors.items()}
+    return Resonances(poles[here], found.known[here], found.shift[here], errors)
+
+
+def every_pole(found: Mapping[str, Resonances]) -> NDArray[np.complex128]:
+    """The poles of all chains, rad/s."""
+    return np.concatenate([each.poles for each in found.values()])
+
+
+def lost(study: Study, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.float64]]:
+    """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it.
+
+    inf where a resonance inside the band may have been missed. The lags' phases are known to the rounding of the
+    highest frequency times the longest lag.
+    """
+    highest = WHOLE_AXIS_REACH * np.max(np.abs(every_pole(found).imag), initial=1.0)
+    phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * _longest_lags(study)
+    result = {}
+    for name in study.names:
+        chains = [found[chain] for chain in SERIES[name].chains]
+        shift = np.concatenate([each.shift for each in chains])
+        errors = np.concatenate([each.errors.get(SERIES[name].quantity, each.shift) for each in chains])
+        among = every_pole({str(k): each for k, each in enumerate(chains)})
+        result[name] = rms.rounding(among, study.limits, shift, errors) + phase
+        if not all(each.known.all() for each in chains):
+            result[name] = np.full_like(result[name], np.inf)
+    return result
+
+
+def _shared(study: Study, speeds: NDArray[np.intp], found: Mapping[str, Resonances], all_known: bool) -> SharedNodes:
     """Nodes for some of the speeds. all_known: the resonances are those of every vehicle of the grid."""
+    resonances = every_pole(found)
     study = replace(study, speed=study.speed[speeds])
     if np.isinf(study.limits).any():
-        return SharedNodes(speeds, None, np.array(np.nan))  # the bound of what lies beyond is each vehicle's own
+        return SharedNodes(speeds, None, {})  # the bound of what lies beyond is each vehicle's own
     first, lag = first_edges(study, resonances), _longest_lag(study)
     inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
     if not all_known and np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
         # between the vehicles sampled, such a peak could pass through the nodes
-        return SharedNodes(speeds, None, np.array(np.nan))
-    lost = rms.rounding(resonances, study.limits)
+        return SharedNodes(speeds, None, {})
+    if np.any(inside & ~np.concatenate([each.known for each in found.values()])):
+        return SharedNodes(speeds, None, {})
+    outside_too = {chain: replace(each, known=np.full(each.poles.shape, True)) for chain, each in found.items()}
+    rounding = lost(study, outside_too)
     most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
     if rms.fewest_nodes(first, lag) > most:
-        return SharedNodes(speeds, None, lost)
+        return SharedNodes(speeds, None, rounding)
     everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
     edges = rms.panel_edges(first, everything, lag)
-    return SharedNodes(speeds, edges if (edges.size - 1) * rms.PANEL_NODES <= most else None, lost)
+    return SharedNodes(speeds, edges if (edges.size - 1) * rms.PANEL_NODES <= most else None, rounding)
 
 
 def speed_groups(study: Study, resonances: NDArray[np.complex128]) -> list[NDArray[np.intp]]:
@@ -96,9 +137,11 @@ def speed_groups(study: Study, resonances: NDArray[np.complex128]) -> list[NDArr
     return groups
 
 
-def own_edges(study: Study, vehicle: Vehicle) -> NDArray[np.float64] | None:
-    """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many."""
-    resonances = poles(vehicle, study.chains)
+def own_edges(study: Study, vehicle: Vehicle, resonances: NDArray[np.complex128]) -> NDArray[np.float64] | None:
+    """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many.
+
+    resonances: the vehicle's poles, rad/s.
+    """
     study = replace(study, vehicle=vehicle)
     if not np.isfinite(resonances).all():
         return None
@@ -125,8 +168,13 @@ def _fewest_nodes(study: Study, resonances: NDArray[np.complex128]) -> float:
 
 def _longest_lag(study: Study) -> float:
     """The last wheel's lag behind the first at the lowest speed, s (eq. 2), the largest of all vehicles'."""
+    return float(np.max(_longest_lags(study)))
+
+
+def _longest_lags(study: Study) -> NDArray[np.float64]:
+    """The same at every speed, [speeds]."""
     vehicle = study.vehicle
-    return float(np.max(vehicle.half_bogie_spacing + vehicle.half_wheelbase)) * 2 / float(study.speed.min())
+    return float(np.max(vehicle.half_bogie_spacing + vehicle.half_wheelbase)) * 2 / study.speed
 
 
 def _sample(vehicle: Vehicle) -> Vehicle:

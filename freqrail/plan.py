@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,8 +11,7 @@ import numpy as np
 
 from freqrail import grid
 from freqrail.case import Case
-from freqrail.errors import FreqrailWarning, InputError
-from freqrail.modal import modes
+from freqrail.errors import InputError
 from freqrail.names import JOINTS, RESPONSES, suggestion
 from freqrail.quantities import Axis
 from freqrail.study import Study
@@ -91,24 +89,6 @@ def check_memory(plan: Plan) -> None:
         raise InputError(
             f"the grid is too large for this machine: {needed / 1e9:.3g} GB needed, {memory / 1e9:.3g} GB of memory; "
             "use fewer values or responses, or leave out the spectra"
-        )
-
-
-def warn_of_rigid_rail(case: Case) -> None:
-    """Warn where the band takes in the wheelsets' resonance on the contact spring, which a real track does not have."""
-    try:
-        wheelset = max(modes(case.vehicle), key=lambda mode: mode.damped_frequency)
-    except InputError:
-        return  # numbers that overflow: the points' status says so
-    frequency = wheelset.damped_frequency
-    reached = case.band is None or band_limits(case.band, case.speeds()).max() > 2 * np.pi * frequency
-    if reached:
-        warnings.warn(
-            f"{case.name}: the band ({band_text(case.band)}) takes in the wheelsets' resonance on the rigid rail, "
-            f"{frequency:.0f} Hz with a damping ratio of {wheelset.damping_ratio:.1e}, which no real track has; "
-            'to leave it out: --set "frequency=0.1:100 Hz"',
-            FreqrailWarning,
-            stacklevel=3,
         )
 
 

@@ -12,7 +12,7 @@ import xarray as xr
 from freqrail.case import Case, build_case, place_point
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import Axis, Quantity, is_same, parse_quantity, unit_factor
+from freqrail.quantities import Axis, Quantity, is_same, parse_quantity, typed_unit, unit_factor
 
 Point = Mapping[str, Quantity]
 
@@ -59,7 +59,7 @@ def swept(dataset: xr.Dataset) -> tuple[str, ...]:
 
 def grid_axis(dataset: xr.Dataset, name: str) -> Axis:
     """A swept parameter of a result, its values as the coordinate bears them and in SI units."""
-    unit = _unit(dataset, name)
+    unit = axis_unit(dataset, name)
     values = dataset[name].values
     return Axis(name, values, unit, values * float(unit_factor(unit)[0]), "")
 
@@ -68,7 +68,7 @@ def axis_label(dataset: xr.Dataset, name: str, index: int) -> str:
     """A grid value in the coordinate's unit, such as "250 km/h"; "rigid" for an infinite joint stiffness."""
     value = float(dataset[name].values[index])
     whole = abs(value) < 1e7 and value == round(value)
-    return "rigid" if np.isinf(value) else f"{value:{'.0f' if whole else 'g'}} {_unit(dataset, name)}"
+    return "rigid" if np.isinf(value) else f"{value:{'.0f' if whole else 'g'}} {axis_unit(dataset, name)}"
 
 
 def example_point(dataset: xr.Dataset) -> str:
@@ -76,13 +76,14 @@ def example_point(dataset: xr.Dataset) -> str:
     parts = []
     for name, index in locate(dataset, nearest=True).items():
         value = float(dataset[name].values[index])
-        parts.append(f"{name}={'inf' if np.isinf(value) else f'{value:.10g}'} {_unit(dataset, name)}")
+        parts.append(f"{name}={'inf' if np.isinf(value) else f'{value:.10g}'} {axis_unit(dataset, name)}")
     return ", ".join(parts)
 
 
-def _unit(dataset: xr.Dataset, name: str) -> str:
+def axis_unit(dataset: xr.Dataset, name: str) -> str:
+    """The unit of a coordinate as users type it, such as "kN*s/m"; "" if it has none."""
     attributes = dataset[name].attrs
-    return str(attributes.get("units", attributes.get("user_units")))
+    return typed_unit(str(attributes.get("units", attributes.get("user_units", ""))))
 
 
 def locate(
@@ -102,13 +103,30 @@ def locate(
     return indices
 
 
+def off_grid(
+    dataset: xr.Dataset, point: Point | None = None, origin: str = "--at"
+) -> tuple[dict[str, int], dict[str, Quantity]]:
+    """Where a point lies on a result's grid, and what of it does not: ({axis: index}, {axis: its value}).
+
+    A swept name that the point leaves out takes the case's scalar. Raises InputError for a named quantity that is
+    neither swept nor the case's own; `origin` is what its messages call the point.
+    """
+    axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
+    scalars = result_case(dataset).scalars
+    indices, faults = place_point(point or {}, axes, scalars)
+    off = {name: (point or {}).get(name) or scalars[name] for name in swept(dataset) if name in faults}
+    if faults.keys() - off.keys():
+        raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items() if name not in off))
+    return indices, off
+
+
 def confirmed_point(dataset: xr.Dataset, point: Point) -> int:
     """Place of a point among those of a confirmation. Raises InputError if it names none or several of them."""
     keep = np.ones(dataset.sizes["point"], dtype=bool)
     for name, quantity in point.items():
         own = result_case(dataset).scalars.get(name)
-        if name in dataset.coords:
-            values = dataset[name].values * float(unit_factor(_unit(dataset, name))[0])
+        if name in dataset.coords and dataset[name].dims == ("point",):
+            values = dataset[name].values * float(unit_factor(axis_unit(dataset, name))[0])
             keep &= [is_same(value, quantity.value) for value in values]
         elif own is None or not is_same(own.value, quantity.value):
             keep[:] = False

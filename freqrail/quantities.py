@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.errors import FileError
 from freqrail.names import PARAMETERS, Parameter
 
 LARGEST_AXIS = 10_000_000
@@ -69,6 +70,11 @@ class Axis:
     text: str
 
 
+def printable(text: str) -> str:
+    """Text with its control characters escaped, so that none reaches a terminal or a figure; lines stay lines."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
 def given(value: object) -> str:
     """What the user gave, short enough for a message: (got "5 kN*s/m") or (got 5)."""
     try:
@@ -83,9 +89,17 @@ def given(value: object) -> str:
 
 @functools.cache
 def _registry() -> Any:
-    import pint  # takes a third of a second: only where a unit is read
+    """pint's registry. Raises FileError if pint is missing or does not run: no fault of the unit's."""
+    try:
+        import pint  # takes a third of a second: only where a unit is read
 
-    return pint.UnitRegistry(non_int_type=Fraction)
+        return pint.UnitRegistry(non_int_type=Fraction)
+    except Exception as fault:  # a version that does not go with those beside it raises whatever it hits
+        what = " ".join(f"{type(fault).__name__}: {fault}".split())
+        raise FileError(
+            f"pint, which reads units, does not run here ({what}); install it anew: "
+            'pip install --upgrade "pint>=0.24.4"'
+        ) from None
 
 
 @functools.cache
@@ -98,14 +112,57 @@ def unit_factor(unit: str) -> tuple[Fraction, Any]:
         raise ValueError(f"not a unit: {unit!r}")
     if _AMBIGUOUS.search(unit):
         raise ValueError('"ton" means 907 kg here and 1000 kg there, write "t" (1000 kg) or "kg"')
+    registry = _registry()
     try:
-        registry = _registry()
         one = registry.Quantity(Fraction(1), registry.parse_units(unit)).to_base_units()
     except Exception as fault:  # pint raises a dozen kinds, some from its tokenizer
         raise ValueError(f"unknown unit {unit!r}") from fault
     # a root such as N^(2/3) is a float with a rounding error in its last digits
     rounded = any(Fraction(power).denominator != 1 for _, power in one.unit_items())
     return Fraction(f"{float(one.magnitude):.14g}" if rounded else one.magnitude), one.units
+
+
+# Units and prefixes, by pint's names, that UDUNITS knows by the same symbol and in the same size. Of many others it
+# does not, or means something else: "oz" is a mass to pint, and a volume to it.
+_CF_UNITS = {
+    **{"meter": "m", "gram": "g", "second": "s", "newton": "N", "hertz": "Hz", "radian": "rad", "degree": "deg"},
+    **{"minute": "min", "hour": "h", "metric_ton": "t", "pound": "lb", "foot": "ft", "inch": "in", "mile": "mi"},
+    **{"force_pound": "lbf", "joule": "J", "pascal": "Pa", "watt": "W"},
+}
+_CF_PREFIXES = {"": "", "milli": "m", "centi": "c", "deci": "d", "kilo": "k", "mega": "M", "giga": "G", "micro": "u"}
+_CF_FACTOR = re.compile(r"([A-Za-z]+)(-?\d+)?", re.ASCII)
+
+
+@functools.cache
+def cf_unit(unit: str) -> str | None:
+    """A unit as the CF conventions spell it, "kN s m-1" for "kN*s/m"; None if UDUNITS may not read it so.
+
+    Raises ValueError for an unknown unit.
+    """
+    unit_factor(unit)
+    registry = _registry()
+    factors = []
+    for name, power in registry.Quantity(1, registry.parse_units(unit)).unit_items():
+        ((prefix, root, _),) = registry.parse_unit_name(name)[:1]
+        if Fraction(power).denominator != 1 or root not in _CF_UNITS or prefix not in _CF_PREFIXES:
+            return None
+        factors.append((int(power), _CF_PREFIXES[prefix] + _CF_UNITS[root]))
+    factors.sort(key=lambda factor: factor[0] < 0)
+    return " ".join(symbol if power == 1 else f"{symbol}{power}" for power, symbol in factors)
+
+
+def typed_unit(unit: str) -> str:
+    """The unit of a coordinate as users type it: "kN*s/m" for CF's "kN s m-1"; any other text as it is."""
+    factors = [_CF_FACTOR.fullmatch(part) for part in unit.split()]
+    if not factors or None in factors:
+        return unit
+    text = ""
+    for symbol, power in (factor.groups() for factor in factors if factor):
+        size = int(power or 1)
+        over = bool(text) and size < 0
+        size = -size if over else size
+        text += ("/" if over else "*" if text else "") + symbol + (f"^{size}" if size != 1 else "")
+    return text
 
 
 def split_number(text: str, example: str, got: str) -> tuple[Decimal, str]:
@@ -170,6 +227,12 @@ def _check(parameter: Parameter, value: float, got: str) -> None:
         raise ValueError(f"must be {bound} {parameter.unit}{rigid}{hint and f'; {hint}'} {got}")
     if value > parameter.upper * (1 + 1e-12):
         raise ValueError(f"{parameter.hint or f'must be at most {parameter.upper:g} {parameter.unit}'} {got}")
+    smallest, largest = parameter.plausible
+    if value and not smallest * (1 - 1e-12) <= value <= largest * (1 + 1e-12):
+        unit = parameter.example.split(" ", 1)[1]
+        factor = float(unit_factor(unit)[0])
+        zero = "0, or " if not parameter.above and not parameter.lower else ""
+        raise ValueError(f"must be {zero}from {smallest / factor:g} to {largest / factor:g} {unit} {got}")
 
 
 def milli_hint(text: str) -> str:
@@ -300,8 +363,8 @@ def parse_axis(parameter: Parameter, text: object) -> Axis:
         if np.any(array[1:] <= array[:-1]):
             at = int(np.argmax(array[1:] <= array[:-1]))
             raise ValueError(f"values must strictly increase, {values[at + 1]:g} follows {values[at]:g} {got}")
-    _check(parameter, float(si[0]), got)
-    _check(parameter, float(si[-1]), got)
+    for value in (*si[:2], *si[-2:]):  # they increase; the first may be 0 and the last inf
+        _check(parameter, float(value), got)
     return Axis(parameter.name, values, shown, si, body)
 
 

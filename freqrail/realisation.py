@@ -17,11 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bernoulli
 
 from freqrail.track import Spectrum, frequency_psd
 
 LARGEST_SEED = 2**63
 MOST_LINES = 10_000_000
+END_LINES = 4  # at either end of a band, whose weights make the sum over lines an integral
 
 # Weights of the coefficients about an interval as polynomials in the place u in [0, 1) within it: row j holds
 # the powers of u of coefficient j. Uniform B-splines of degree 1 and 3.
@@ -37,7 +39,7 @@ class Lines:
     """Harmonics of a period and what the spectrum puts on them.
 
     period: T, s. order: [K] multiples of 1/T. width: [K] Hz, the share of the frequency axis that a line stands for:
-    1/T, less where the band ends. amplitude: A_k = sqrt(2 G_k df), m, [K].
+    1/T, else see `line_widths` where the band ends. amplitude: A_k = sqrt(2 G_k df), m, [K].
     """
 
     period: float
@@ -54,19 +56,51 @@ class Lines:
 def spectral_lines(spectrum: Spectrum, speed: float, limits: tuple[float, float], period: float) -> Lines:
     """The lines of a period [s] inside a band, `limits` in Hz; speed in m/s.
 
-    A line stands for the cell of width 1/T about it, cut off at the band's ends, so that the sum over lines is the
-    trapezoidal rule of the integral over the band. Raises ValueError if the band holds no line or too many.
+    The lines are those whose cell, of width 1/T, reaches into the band; the first and the last may lie up to half a
+    cell outside it. Raises ValueError if the band holds no line or too many.
     """
     low, high = limits
     if not (0 < low < high and high * period <= MOST_LINES):
         raise ValueError(f"a band of {low:g} to {high:g} Hz has no manageable lines on a period of {period:g} s")
     order = np.arange(max(1, math.ceil(low * period - 0.5)), math.floor(high * period + 0.5) + 1)
-    edge = (order[:, None] + np.array([-0.5, 0.5])) / period
-    width = np.minimum(edge[:, 1], high) - np.maximum(edge[:, 0], low)
-    order, width = order[width > 0], width[width > 0]
-    # a line just outside the band stands for the sliver of its cell that lies inside
-    inside = np.clip(order / period, low, high)
-    return Lines(period, order, width, np.sqrt(2 * frequency_psd(spectrum, inside, speed) * width))
+    if not order.size:
+        raise ValueError(f"a band of {low:g} to {high:g} Hz has no line on a period of {period:g} s")
+    width = line_widths(order, limits, period)
+    frequency = order / period
+    return Lines(period, order, width, np.sqrt(2 * frequency_psd(spectrum, frequency, speed) * width))
+
+
+def line_widths(order: NDArray[np.int64], limits: tuple[float, float], period: float) -> NDArray[np.float64]:
+    """Weights [K], Hz, that make a sum over consecutive lines the integral over a band, `limits` in Hz.
+
+    1/T inside, the trapezoidal rule; at either end END_LINES weights that integrate polynomials of that order
+    exactly, wherever the band ends between the lines. With the end at 0 and the lines at j + theta, in units of 1/T,
+    sum_{j < m} w_j (j + theta)^k = B_{k+1}(m + theta)/(k + 1), k < m, B the Bernoulli polynomials (the
+    Euler-Maclaurin formula; Gregory's rule is theta = 0). All weights are positive for -1/2 <= theta <= 1/2, so
+    that they can be amplitudes.
+    """
+    low, high = limits
+    if order.size == 1:
+        return np.array([high - low])
+    width = np.ones(order.size)
+    most = min(END_LINES, order.size // 2)
+    for theta, turned in ((order[0] - low * period, width), (high * period - order[-1], width[::-1])):
+        weights = _end_weights(float(theta), most)
+        turned[: weights.size] = weights
+    return width / period
+
+
+def _end_weights(theta: float, most: int) -> NDArray[np.float64]:
+    # a band that begins below half a line's spacing leaves theta > 1/2, where only two weights stay positive
+    count = min(most, 2) if theta > 0.5 else most
+    places = np.arange(count) + theta
+    moments = [_bernoulli_polynomial(k + 1, count + theta) / (k + 1) for k in range(count)]
+    return np.linalg.solve(np.vander(places, increasing=True).T, moments)
+
+
+def _bernoulli_polynomial(degree: int, x: float) -> float:
+    numbers = bernoulli(degree)
+    return float(sum(math.comb(degree, k) * numbers[k] * x ** (degree - k) for k in range(degree + 1)))
 
 
 def stream(seed: int, key: str, purpose: str, record: int) -> np.random.Generator:
@@ -203,3 +237,34 @@ def refined(track: Track, parts: int) -> Track:
     pieces = np.stack([c[:-1] + (c[1:] - c[:-1]) * (k / parts) for k in range(parts)], axis=1)
     coefficients = np.concatenate([pieces.reshape(-1, *c.shape[1:]), c[-1:]])
     return Track(coefficients, track.step / parts, 1, track.samples * parts, track.before * parts)
+
+
+def track_deviation(lines: Lines, track: Track, ranges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviation of the heights under the first wheel, first record, in `ranges` [range, 2] in Hz: [range], m.
+
+    Of a record of fixed amplitudes it is that of the spectrum. NaN for a range that holds too few lines to say.
+    """
+    density = np.square(np.abs(_harmonics(lines, track)[:, 0])) / 2 / lines.width
+    found = np.full(len(ranges), np.nan)
+    for n, (low, high) in enumerate(ranges):
+        inside = np.flatnonzero((lines.order >= low * lines.period - 0.5) & (lines.order <= high * lines.period + 0.5))
+        if inside.size >= 2 * END_LINES:
+            widths = line_widths(lines.order[inside], (low, high), lines.period)
+            found[n] = math.sqrt(float(density[inside] @ widths))
+    return found
+
+
+def track_lags(lines: Lines, track: Track) -> NDArray[np.float64]:
+    """Lags [wheels], s, at which the first record reaches the wheels, from the slopes of its harmonics' phases."""
+    amplitude = _harmonics(lines, track)
+    phase = np.unwrap(np.angle(amplitude[:, :1] * np.conj(amplitude)), axis=0)
+    omega = 2 * np.pi * (lines.frequency - lines.frequency[0])
+    if omega.size < 2:
+        return np.full(phase.shape[1], np.nan)
+    return np.asarray(omega @ (phase - phase[0]) / (omega @ omega))
+
+
+def _harmonics(lines: Lines, track: Track) -> NDArray[np.complex128]:
+    """Complex amplitudes of the first record's heights at the lines, [K, wheels], m."""
+    heights = track.at_steps(track.before, track.samples)[..., 0]
+    return np.asarray(np.fft.rfft(heights, axis=0)[lines.order] * (2 / track.samples))

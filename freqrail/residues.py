@@ -24,10 +24,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.response import BODIES, SERIES, STAGES, Series, chains_of, column_signs, cos_sin, descend
+from freqrail.partial_fractions import EPSILON, LIGHT, Modal, modal
+from freqrail.response import SERIES, Series, chains_of, column_signs, cos_sin, descend
 from freqrail.rms import MeanSquare
 from freqrail.track import RationalSpectrum, Spectrum
-from freqrail.vehicle import CHAINS, Vehicle, ladder, leg_dynamic_stiffness
+from freqrail.vehicle import CHAINS, Vehicle
 
 Number = Any
 
@@ -59,13 +60,8 @@ PRODUCTS: tuple[tuple[tuple[str, str, float], ...], ...] = (
     ((P, Q, 0.5), (Q, P, 0.5), (B, Q, -0.5), (Q, B, -0.5)),
 )
 
-FAR = 1e7
-"""Poles beyond this, rad/s, are left out: they hold less than 1e-12 of any response (G falls like s^-4)."""
-
-DIFFERENCE = 1e-6  # relative step of the difference quotient in Newton's method
 MERGING = 0.03  # poles of a chain closer than this, relatively, are taken for merging
 MEETING = 1e-3  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
-LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
 SPREAD, SUPPORT = 0.12, 12  # half-width (relative, of the dampings) and number of the interpolation's nodes
 
 ONE_POLE = 0.05  # cutoffs of a spectrum closer than this to their mean, relatively, are taken for merging
@@ -73,123 +69,6 @@ APART, SPECTRA = (0.06, 0.4), 9  # distances from the mean, and number, of cutof
 
 LOSS = 4e-11  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
 SAFETY = 2  # of the doubt that two ways to a residue leave
-EPSILON = np.finfo(float).eps
-
-
-@dataclass(frozen=True)
-class Modal:
-    """A chain as partial fractions: element X(s) = sum of residue_k / (s - pole_k), m per metre of track.
-
-    poles: [grid..., n] rad/s, all of them. residues: {element: [grid..., n]}, zero for the poles of states
-    that are missing or beyond `FAR`. upper: [grid..., k], indices of the poles with Im >= 0, which stand for
-    their conjugates too. weight: [grid..., k], 2 for those with a conjugate, 1 for real ones, 0 where a vehicle
-    has fewer than k.
-    """
-
-    poles: NDArray[np.complex128]
-    residues: dict[str, NDArray[np.complex128]]
-    upper: NDArray[np.intp]
-    weight: NDArray[np.float64]
-
-    def take(self, values: NDArray) -> NDArray:
-        """The entries of values [grid..., n] that belong to the upper poles: [grid..., k]."""
-        return np.take_along_axis(values, self.upper, axis=-1)
-
-
-def chain_poles(vehicle: Vehicle, chain: str) -> NDArray[np.complex128]:
-    """Poles of a chain for a grid of vehicles, rad/s: [grid..., n], those of missing states at -2 FAR."""
-    masses, legs = ladder(vehicle, chain)
-    shape = np.broadcast_shapes(*(np.shape(x) for x in (*masses, *(v for leg in legs for v in leg))))
-    shape = np.broadcast_shapes(shape, np.shape(vehicle.contact_stiffness))
-    n = len(masses)
-    a = np.zeros((*shape, 3 * n - 1, 3 * n - 1))
-    a[..., range(2 * n - 1, 3 * n - 1), range(n)] = 1.0
-    inverse = [1.0 / np.asarray(m) for m in masses]
-
-    def couple(force: Number, column: int, upper: int) -> None:
-        """A force of the leg below body `upper`, proportional to the state `column`."""
-        a[..., upper, column] -= force * inverse[upper]
-        a[..., upper + 1, column] += force * inverse[upper + 1]
-
-    for j, (spring, damping, joint) in enumerate(legs):
-        kappa = np.asarray(joint) / 2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rate = np.where(np.asarray(damping) > 0, kappa / damping, np.inf)
-        elastic = rate < FAR
-        rate, kappa = np.where(elastic, rate, 0.0), np.where(elastic, kappa, 0.0)
-        rigid = np.where(elastic, 0.0, damping)
-        above, below, delta = 2 * n - 1 + j, 2 * n + j, n + j
-        couple(spring + kappa, above, j)
-        couple(-(spring + kappa), below, j)
-        couple(-kappa, delta, j)
-        couple(rigid, j, j)
-        couple(-rigid, j + 1, j)
-        a[..., delta, above], a[..., delta, below] = rate, -rate
-        a[..., delta, delta] = np.where(elastic, -rate, -2 * FAR)
-    a[..., n - 1, -1] -= vehicle.contact_stiffness * inverse[-1]
-    finite = np.asarray(np.isfinite(a).all(axis=(-2, -1)))
-    return np.where(finite[..., None], np.linalg.eigvals(np.where(finite[..., None, None], a, 0.0)), np.nan)
-
-
-def modal(vehicle: Vehicle, chain: str) -> Modal:
-    """Partial fractions of a chain for a grid of vehicles, the poles polished to full precision.
-
-    Newton's method polishes the eigenvalues. At a pole the displacements x and elongations e of the free oscillation
-    give the derivative of the track's displacement, V'(p) = (sum of 2 p m x^2 + sum of e^2 D'(p)) / (K_H x_w),
-    D' = c/(1 + c p/kappa)^2; the residue of an element is its ratio over V'. Of a lightly damped pole the real
-    part, which decides the height of its peak, comes from the energy its dampers take without cancellation:
-    Re p = - sum of c |e|^2/|1 + c p/kappa|^2 / (2 sum of m |x|^2).
-    """
-    poles = chain_poles(vehicle, chain)
-    column = vehicle.column()
-    near = np.abs(poles) < FAR
-    p = np.where(near, poles, -1.0)
-    for _ in range(3):
-        value, beside = (descend(column, chain, z, z * z)[0] for z in (p, p * (1 + DIFFERENCE)))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = DIFFERENCE * p * value / (beside - value)
-        p = np.where(near & ~_beyond(column, p) & (np.abs(step) < 0.1 * np.abs(p)), p - step, p)
-    _, _, dissipated = _at_pole(column, chain, p)
-    light = near & (np.abs(p.real) < LIGHT * np.abs(p))
-    p = np.where(light, dissipated + 1j * p.imag, p)
-    slope, ratios, _ = _at_pole(column, chain, p)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        residues = {name: np.where(near, ratio / slope, 0.0) for name, ratio in ratios.items()}
-    weight = np.where(p.imag > 0, 2.0, np.where(p.imag < 0, 0.0, 1.0)) * near
-    order = np.argsort(-weight, axis=-1, kind="stable")[..., : max(1, int(np.max(np.sum(weight > 0, axis=-1))))]
-    return Modal(p, residues, order, np.take_along_axis(weight, order, axis=-1))
-
-
-def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> tuple[NDArray, dict[str, Number], NDArray]:
-    """(V'(p), ratios, real part of p by dissipation) at a pole p of a chain, see `modal`."""
-    _, ratios, _ = descend(vehicle, chain, p, p * p)
-    masses, legs = ladder(vehicle, chain)
-    bodies, stages = BODIES[-len(masses) :], STAGES[-len(legs) :]
-    # Far beyond the wheelset's resonance it hardly moves, and as the end of the way down it would be a difference of
-    # large numbers: there its displacement follows from the bogie's by its own equation of motion.
-    up = ratios["bogie"] / (
-        1.0 + (masses[-1] * p * p + vehicle.contact_stiffness) / leg_dynamic_stiffness(*legs[-1], p)
-    )
-    beyond = _beyond(vehicle, p)
-    # and far below it, where it hardly moves either, from the momentum of the bodies above it
-    above = sum(m * ratios[b] for m, b in zip(masses[:-1], bodies[:-1], strict=True))
-    still = -p * p * above / (vehicle.contact_stiffness + masses[-1] * p * p)
-    below = np.abs(p) ** 2 < 0.1 * vehicle.contact_stiffness / vehicle.wheelset_mass
-    ratios["wheelset"] = np.where(beyond, up, np.where(below, still, ratios["wheelset"]))
-    ratios["primary"] = np.where(beyond, ratios["bogie"] - up, ratios["primary"])
-    bend = sum(2 * p * m * np.square(ratios[b]) for m, b in zip(masses, bodies, strict=True))
-    kinetic = sum(2 * m * np.abs(ratios[b]) ** 2 for m, b in zip(masses, bodies, strict=True))
-    taken: Number = 0.0
-    for (_, damping, joint), stage in zip(legs, stages, strict=True):
-        yielding = 1.0 + p * damping * (2.0 / joint)
-        bend = bend + damping * np.square(ratios[stage] / yielding)
-        taken = taken + damping * np.abs(ratios[stage] / yielding) ** 2
-    return bend / (vehicle.contact_stiffness * ratios["wheelset"]), ratios, -taken / kinetic
-
-
-def _beyond(vehicle: Vehicle, p: NDArray[np.complex128]) -> NDArray[np.bool_]:
-    return np.abs(p) ** 2 > 10 * vehicle.contact_stiffness / vehicle.wheelset_mass
-
 
 # --- sums of residues ------------------------------------------------------------------------------
 
@@ -339,20 +218,30 @@ def _columns(series: Series) -> list[int]:
 def _doubts(
     vehicle: Vehicle, chains: dict[str, Modal], quantities: set[str]
 ) -> dict[tuple[str, str], NDArray[np.float64]]:
-    """Possible errors of the residues of (chain, element) at its well damped upper poles, [grid..., k], 0 at others.
+    """Possible errors of the residues of (chain, element) at its upper poles, [grid..., k].
 
-    The partial fractions at -p are held against the chain read directly there, where the way down adds positive terms
-    only: a wrong residue r of p shows in them as r/(2 p).
+    The partial fractions are held against the chain read directly where the way down adds positive terms only, at -p of
+    a well damped pole, at |p| of a light one, whose -p lies beside other poles: a wrong residue r of p shows in them as
+    r/(2 p). But a light pole's peak hangs on its residue alone, however small it is among others': there what rounding
+    may have left is counted (`Modal.rounding`), and of the check what that cannot explain.
     """
     result = {}
     for name, chain in chains.items():
         p = chain.take(chain.poles)
-        near = -1.0 / (p[..., :, None] + chain.poles[..., None, :])
-        direct = _mirrored(vehicle, name, p)
         damped = np.abs(p.real) > LIGHT * np.abs(p)
+        s = np.where(damped, -p, np.abs(p))
+        near = 1.0 / (s[..., :, None] - chain.poles[..., None, :])
+        direct = _directly(vehicle, name, s)
         for quantity in quantities & chain.residues.keys():
-            fractions = np.sum(near * chain.residues[quantity][..., None, :], axis=-1)
-            result[name, quantity] = SAFETY * 2 * np.abs(p * (fractions - direct[quantity])) * damped
+            terms = near * chain.residues[quantity][..., None, :]
+            rounding = chain.rounding[quantity]
+            missing = np.abs(np.sum(terms, axis=-1) - direct[quantity])
+            known = np.sum(np.abs(terms) * (rounding[..., None, :] + 4 * EPSILON), axis=-1)
+            missing = np.where(
+                damped, missing, np.maximum(0.0, missing - known - LOSS / SAFETY * np.abs(direct[quantity]))
+            )
+            own = np.where(damped, 0.0, np.abs(chain.take(chain.residues[quantity])) * chain.take(rounding))
+            result[name, quantity] = SAFETY * 2 * np.abs(p) * missing + own
     return result
 
 
@@ -377,9 +266,8 @@ def _chain_terms(
     chain = chains[x]
     p = chain.take(chain.poles)
     near = {y: -1.0 / (p[..., :, None] + other.poles[..., None, :]) for y, other in chains.items()}
-    direct = {y: _mirrored(vehicle, y, p) for y in chains}
+    direct = {y: _directly(vehicle, y, -p) for y in chains}
     damped = np.abs(p.real) > LIGHT * np.abs(p)
-    loss = _loss(chains)[..., None]
     reach = {y: _reach(p, other) for y, other in chains.items()}
     heads, uncertainties = {}, {}
     for name in dict.fromkeys(name for name, _ in rows):
@@ -394,6 +282,8 @@ def _chain_terms(
             uncertainties[name, y] = np.abs(scale) * (np.abs(mirrored) * doubts[x, quantity] + np.abs(residue) * wrong)
     coefficients = [sum(f * heads[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     weight = np.stack(np.broadcast_arrays(*coefficients), axis=-2)
+    losses = {name: _loss(chains, SERIES[name].chains) for name in dict.fromkeys(name for name, _ in rows)}
+    loss = np.stack(np.broadcast_arrays(*(losses[name] for name, _ in rows)), axis=-2)
     doubtful = [sum(abs(f) * uncertainties[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*doubtful), axis=-2)
     lags = LAG_SUMS[[c for _, c in rows]]
@@ -424,21 +314,21 @@ def _padded(values: NDArray, width: int, axis: int) -> NDArray:
     return np.pad(values, missing)
 
 
-def _mirrored(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> dict[str, Number]:
-    """Elements of a chain per metre of track at -p, [grid..., k], from the way down."""
-    track, ratios, _ = descend(vehicle.column(), chain, -p, p * p)
+def _directly(vehicle: Vehicle, chain: str, s: NDArray[np.complex128]) -> dict[str, Number]:
+    """Elements of a chain per metre of track at s, [grid..., k], from the way down."""
+    track, ratios, _ = descend(vehicle.column(), chain, s, s * s)
     return {name: ratio / track for name, ratio in ratios.items()}
 
 
-def _loss(chains: dict[str, Modal]) -> NDArray[np.float64]:
-    """Relative error that rounding leaves in the residues, [grid..., 1].
+def _loss(chains: dict[str, Modal], names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Relative error that rounding leaves in the residues of the named chains, [grid..., 1].
 
     A peak's height goes with the distance of a pole from another's mirror image. For the wheelsets' modes, which
     differ little from chain to chain, that is about twice the real part, while the imaginary parts are only known
     to a rounding error.
     """
     sharpness: Any = 0.0
-    for chain in chains.values():
+    for chain in map(chains.__getitem__, names):
         p = chain.take(chain.poles)
         with np.errstate(divide="ignore"):
             sharp = np.where(chain.weight > 0, np.abs(p) / np.abs(2 * p.real), 0.0)

@@ -1,6 +1,6 @@
 """Frequency responses of the half vehicle to one track running under its four wheels.
 
-Two ways, which share no code and are each other's test:
+Two ways, which share the law of a leg (`leg_dynamic_stiffness`) and nothing else, and are each other's test:
 
 - `system_response` solves the equations of motion of any `System`, legs equal or not;
 - `chain_response` uses that a vehicle with equal legs decouples into three ladders of masses

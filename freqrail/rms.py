@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,6 +75,12 @@ PHASE_REACH = 14.0
 CAUTION = 40.0  # of the error estimate: QUADPACK's 200 is for integrands of any kind, these panels follow the poles
 NARROWEST = 1e-13  # no panel is shorter than this fraction of its frequency: rounding begins there
 TINY = 1e-150
+TAIL = 40  # halvings of u = cutoff/omega on the way from 1 to 0
+EPSILON = np.finfo(float).eps
+UNUSUAL = (
+    3e-14  # what rounding leaves of a plausible vehicle at its resonances: covered by 4 EPSILON a unit of sharpness
+)
+RUN, LONGEST_RUN = 16, 1024  # panels that the lag alone cuts are laid so many at a time
 
 TILE, NODES, SPEEDS = 16, 160, 100  # rows of every matrix product, and its most nodes and speeds
 
@@ -111,25 +117,38 @@ def panel_edges(
     vehicles and of the track spectrum. longest_lag: of the wheels, s. From the left, each panel is as long as its
     distance from every pole and the lag's period allow; `refine` > 1 makes them shorter by that factor.
     """
-    centre, width = np.abs(np.imag(poles)).ravel(), np.abs(np.real(poles)).ravel()
     reach = POLE_REACH / refine
     by_lag = PHASE_REACH / refine / longest_lag if longest_lag > 0 else np.inf
     done = []
     for low, high in itertools.pairwise(edges):
         done.append(float(low))
+        least, run = NARROWEST * NARROWEST * high, RUN  # a pole at zero must not keep panels from leaving it
         while True:
-            ahead = centre - done[-1]
-            # L = reach x distance: from the left edge (pole behind), from the right edge (pole ahead), or from within
-            room = ahead**2 - (reach**2 - 1) * width**2
-            square = np.square(ahead) + np.square(width)
-            before = reach * square / (np.abs(reach * ahead) + np.sqrt(np.maximum(room, 0.0)) + TINY)
-            within = np.where((room > 0) & (before < ahead), before, reach * width)
-            length = np.where(ahead <= 0, reach * np.sqrt(square), within)
-            step = max(min(float(np.min(length, initial=np.inf)), by_lag), NARROWEST * done[-1])
+            by_poles = float(_room(np.array(done[-1:]), poles, reach)[0])
+            step = max(min(by_poles, by_lag), NARROWEST * done[-1], least)
             if not done[-1] + step < high:
                 break
             done.append(done[-1] + step)
+            if step == by_lag:  # and likely so for many panels to come
+                ahead = np.add.accumulate(np.append(done[-1], np.full(run, by_lag)))
+                same = (_room(ahead, poles, reach) >= by_lag) & (ahead + by_lag < high)
+                count = int(np.argmin(np.append(same, False)))
+                done.extend(ahead[1 : count + 1].tolist())
+                run = min(2 * run, LONGEST_RUN) if count == run else RUN
     return np.append(done, edges[-1])
+
+
+def _room(left: NDArray[np.float64], poles: NDArray[np.complex128], reach: float) -> NDArray[np.float64]:
+    """Longest panels that poles allow from each left edge [n], rad/s; `reach` times the distance from the nearest."""
+    centre, width = np.abs(np.imag(poles)).ravel(), np.abs(np.real(poles)).ravel()
+    ahead = centre - left[:, None]
+    # L = reach x distance: from the left edge (pole behind), from the right edge (pole ahead), or from within
+    room = ahead**2 - (reach**2 - 1) * width**2
+    square = np.square(ahead) + np.square(width)
+    before = reach * square / (np.abs(reach * ahead) + np.sqrt(np.maximum(room, 0.0)) + TINY)
+    within = np.where((room > 0) & (before < ahead), before, reach * width)
+    length = np.where(ahead <= 0, reach * np.sqrt(square), within)
+    return np.min(length, axis=-1, initial=np.inf)
 
 
 PANEL_NODES = 21
@@ -197,11 +216,12 @@ def mean_squares(
     vehicle: Vehicle,
     names: tuple[str, ...],
     nodes: Iterable[WeightedNodes],
-    lost: NDArray[np.float64] | float = ROUNDING,
+    lost: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> dict[str, MeanSquare]:
     """Mean squares of the named responses (keys of `SERIES`) for a grid of vehicles.
 
-    vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. lost: see `rounding`.
+    vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. lost: `rounding` of each
+    response, at least `ROUNDING`.
     Returns {name: MeanSquare}, [positions, grid..., speeds].
 
     The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
@@ -243,7 +263,9 @@ def mean_squares(
         with np.errstate(invalid="ignore", divide="ignore"):
             d = difference / np.abs(value)
             steep = CAUTION * d
-        result[name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + lost))
+        result[name] = MeanSquare(
+            value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + (lost or {}).get(name, ROUNDING))
+        )
     return result
 
 
@@ -264,19 +286,31 @@ def _add_product(total: NDArray[np.float64], power: NDArray[np.float64], weight:
         total[..., some] += power @ weight[:, some]
 
 
-def rounding(poles: NDArray[np.complex128], limits: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles`, rad/s.
+def rounding(
+    poles: NDArray[np.complex128],
+    limits: NDArray[np.float64],
+    shift: NDArray[np.float64] | float = 0.0,
+    errors: NDArray[np.float64] | float = 0.0,
+) -> NDArray[np.float64]:
+    """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles` [n], rad/s.
 
     Near a resonance the response is a difference of large numbers: rounding over the distance of the band from the
     pole, relative to its frequency (the damping ratio, if the band holds the resonance). In a narrow band the
-    differences of the nodes carry the rounding of their frequencies.
+    differences of the nodes carry the rounding of their frequencies. shift, errors: of each pole, how far rounding
+    moves it and what it leaves of an element there, relatively (`partial_fractions.Resonances`): counted where they
+    are `UNUSUAL`.
     """
-    frequency = np.abs(poles.imag)[:, None]
+    size, frequency = np.abs(poles)[:, None], np.abs(poles.imag)[:, None]
     outside = np.maximum(0.0, np.maximum(limits[0] - frequency, frequency - limits[1]))
+    moved, spoilt = (np.where(~(x <= UNUSUAL), x, 0.0)[..., None] for x in (np.asarray(shift), np.asarray(errors)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        sharpness = np.where(frequency > 0, np.abs(poles)[:, None] / np.hypot(outside, poles.real[:, None]), 0.0)
+        distance = np.hypot(outside, poles.real[:, None])
+        sharpness = np.where(frequency > 0, size / distance, 0.0)
         narrow = np.where(np.isfinite(limits[1]), limits[1] / (limits[1] - limits[0]), 1.0)
-    return ROUNDING + 4 * np.finfo(float).eps * (np.max(sharpness, axis=0, initial=0.0) + narrow)
+        # an element is small, and so its error large, beside the pole only
+        beside = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
+        unusual = np.max(np.where(frequency > 0, moved * size / distance + beside, 0.0), axis=0, initial=0.0)
+    return ROUNDING + 4 * EPSILON * (np.max(sharpness, axis=0, initial=0.0) + narrow) + unusual
 
 
 def truncation_bound(
@@ -289,9 +323,10 @@ def truncation_bound(
     """Upper bound of the mean squares beyond `cutoff` [rad/s], whatever the lags.
 
     Returns {name: [positions, grid..., speeds]}. From |B u_B + P u_P + Q u_Q|^2 <= 3 (|B|^2 + |P|^2 +
-    |Q|^2), integrated over u = cutoff/omega, where the responses beyond the last resonance are smooth.
+    |Q|^2), integrated over u = cutoff/omega on panels each half as long as the one before, because what is overdamped
+    may bend the responses far beyond the last resonance.
     """
-    rule = quadrature(np.array([0.0, 1.0]))
+    rule = quadrature(np.append(0.0, np.exp2(np.arange(-TAIL, 1))))
     omega = cutoff / rule.omega
     density = angular_psd(spectrum, omega[:, None], speed) * (rule.weights * omega / rule.omega)[:, None]
     diagonal = np.array([1, 1, 0, 1, 0, 0, 0]).reshape(-1, 1, 1)

@@ -10,18 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from freqrail import timedomain
+from freqrail.anew import Found, find
 from freqrail.case import Case
-from freqrail.errors import FreqrailWarning, InputError, NumericalError
+from freqrail.errors import FreqrailWarning, InputError
 from freqrail.integrators import INTEGRATORS
-from freqrail.names import PARAMETERS, Parameter, suggestion
-from freqrail.points import Point, axis_label, example_point, grid_axis, locate, parse_point, result_case
+from freqrail.names import PARAMETERS, RESPONSES, Parameter, suggestion
+from freqrail.points import Point, axis_label, grid_axis, off_grid, parse_point, result_case
 from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
 from freqrail.storage import open_result
 from freqrail.timedomain import Plan
-from freqrail.track import Band, band_limits
+from freqrail.track import Band
 
 WHOLE_AXIS_BAND = Band("frequency", 0.1, 100.0)
 """What a result without a band is confirmed over: a time run cannot take in the whole axis."""
@@ -39,16 +41,23 @@ Points = str | Point | Sequence[str | Point]
 class Run:
     """What a confirmation is to do: the points, how each is simulated, where they lie on the result's grid.
 
-    band: the one confirmed over. indices: {swept parameter: index} a point; labels: the same in words.
+    names: the responses that the result holds. band: the one confirmed over. places: where the numbers of each point
+    are, in the result or computed anew; labels: the same in words.
     """
 
     case: Case
     dataset: xr.Dataset
+    names: tuple[str, ...]
     band: Band
-    indices: tuple[dict[str, int], ...]
+    places: tuple[Found, ...]
     labels: tuple[str, ...]
     points: tuple[timedomain.Point, ...]
     plans: tuple[Plan, ...]
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Frequencies, Hz, of the spectra that the result holds: [n], none if it holds none."""
+        return self.dataset["frequency"].values if "frequency" in self.dataset else np.empty(0)
 
     @property
     def simulated_seconds(self) -> float:
@@ -61,11 +70,14 @@ class Run:
     @property
     def stored_bytes(self) -> int:
         """Size of the confirmation in bytes, about."""
-        plan = self.plans[0]
-        highest = max(plan.limits[1] for plan in self.plans)
-        samples = timedomain.HISTORY * highest * plan.samples_a_period / timedomain.KEPT_EVERY
-        each = 2 * timedomain.SERIES_COUNT * (8 * (8 + 2 * plan.realisations + 2 * timedomain.PSD_LINES) + 4 * samples)
-        return int(len(self.points) * (each + 24 * samples)) + 2 * len(self.case.text) + 200_000
+        series = timedomain.series_count(self.names)
+        each = 0.0
+        for point, plan in zip(self.points, self.plans, strict=True):
+            side = timedomain.time_side(point, plan.names)
+            kept = timedomain.HISTORY * timedomain.sampling_rate(point, plan, side) / timedomain.KEPT_EVERY
+            numbers = 30 + 2 * plan.realisations + 2 * timedomain.PSD_LINES
+            each = max(each, 2 * series * (8 * numbers + 4 * kept) + 24 * kept)
+        return int(len(self.points) * each) + 2 * len(self.case.text) + 200_000
 
     def seconds(self, jobs: int = 1, integrator: str | None = None) -> float:
         """Estimated wall time in s on `jobs` processes, from trial runs of every point's first moments."""
@@ -99,23 +111,28 @@ def plan_run(
     chosen = _band(band, problems) if band else case.band or WHOLE_AXIS_BAND
     if problems:
         raise InputError(*problems)
-    indices = _indices(dataset, case, at)
-    labels = tuple(_label_of(dataset, index) for index in indices)
-    points = tuple(_point(case, dataset, index) for index in indices)
+    names = tuple(name for name in RESPONSES if f"{name}_rms" in dataset)
+    places = _places(dataset, case, at)
+    labels = tuple(_label_of(place) for place in places)
+    points = tuple(_point(place) for place in places)
     plans = []
     for label, point in zip(labels, points, strict=True):
-        low, high = band_limits(chosen, point.speed) / (2 * np.pi)
-        plan = Plan((float(low), float(high)), period, realisations, integrator, start, seed)
+        plan = Plan(_limits(chosen, point.speed), period, realisations, integrator, start, seed, names=names)
         try:
             timedomain.check_plan(point, plan)
         except InputError as fault:
             raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
         plans.append(plan)
-    return Run(case, dataset, chosen, tuple(indices), labels, points, tuple(plans))
+    return Run(case, dataset, names, chosen, tuple(places), labels, points, tuple(plans))
+
+
+def _limits(band: Band, speed: float) -> tuple[float, float]:
+    """A band in Hz at `speed` in m/s. Not by `band_limits`, whose faults a confirmation must see."""
+    return (band.low, band.high) if band.kind == "frequency" else (speed / band.high, speed / band.low)
 
 
 def check_cost(run: Run, max_time: str = "10 min", jobs: int = 1) -> float:
-    """The estimated wall time of a run, s. Raises NumericalError, with an alternative, if it exceeds `max_time`."""
+    """The estimated wall time of a run, s. Raises InputError, with an alternative, if it exceeds `max_time`."""
     problems: list[str] = []
     limit = _quantity(_MAX_TIME, "--max-time", max_time, problems)
     if type(jobs) is not int or jobs < 1:
@@ -129,7 +146,7 @@ def check_cost(run: Run, max_time: str = "10 min", jobs: int = 1) -> float:
         if integrator != "exponential":
             faster = run.seconds(jobs, "exponential")
             way_out = f"--integrator exponential takes about {_time(faster)}, whatever the stiffness"
-        raise NumericalError(
+        raise InputError(
             f"confirm: {integrator} would take about {_time(needed)}, more than --max-time allows "
             f'(got "{max_time}"); {way_out}'
         )
@@ -178,47 +195,69 @@ def _band(text: str, problems: list[str]) -> Band:
     return Band(kind, low.value, high.value)
 
 
-def _indices(dataset: xr.Dataset, case: Case, at: Points | None) -> list[dict[str, int]]:
-    """Where the points lie on the grid. Raises InputError for one that is off it or given twice.
+def _places(dataset: xr.Dataset, case: Case, at: Points | None) -> list[Found]:
+    """Where the numbers of the points are: a point off the grid is computed anew, and a warning says so.
 
-    Of the case's own points those on the grid will do, for `--over` may have narrowed it; the others are warned of.
+    Raises InputError for one that cannot be, or is given twice.
     """
-    named: list[tuple[str, Point | None]] = []
+    named: list[tuple[str, Point | None]]
     if at is not None:
         given_points = [at] if isinstance(at, str | Mapping) else list(at)
         named = [("--at", parse_point(point) if isinstance(point, str) else point) for point in given_points]
-    elif case.points:
-        named = [(f"[confirm].points: point {n}:", point) for n, point in enumerate(case.points, start=1)]
-    if not named:
-        named = [("--at", None)]  # the case's own scalars
-    indices: list[dict[str, int]] = []
+    else:
+        named = _own_points(dataset, case)
+    places: list[Found] = []
+    keys: list[str] = []
     problems: list[str] = []
     for origin, point in named:
         try:
-            index = locate(dataset, point, origin=origin)
+            place = find(dataset, point, origin=origin)
         except InputError as fault:
             problems += fault.problems
             continue
-        if index in indices:
-            problems.append(f"{origin} the same grid point as point {indices.index(index) + 1}; give each once")
-        indices.append(index)
-    if problems and at is None and indices:
-        for problem in problems:
-            warnings.warn(f"{problem}: left out", FreqrailWarning, stacklevel=3)
-    elif problems:
-        way_out = f'no point of the case is on the grid; name one, as in --at "{example_point(dataset)}"'
-        raise InputError(*problems, *([way_out] if at is None else []))
-    return indices
+        key = _point(place).key
+        if key in keys:
+            problems.append(f"{origin} the same point as point {keys.index(key) + 1}; give each once")
+        keys.append(key)
+        places.append(place)
+    if problems:
+        raise InputError(*problems)
+    for place in places:
+        if place.note:
+            warnings.warn(
+                f"{place.note}; its number is that of the case, not of the file", FreqrailWarning, stacklevel=3
+            )
+    return places
 
 
-def _point(case: Case, dataset: xr.Dataset, index: Mapping[str, int]) -> timedomain.Point:
-    vehicle = case.vehicles().at(tuple(index[axis.name] for axis in case.axes if axis.name != "speed"))
+def _own_points(dataset: xr.Dataset, case: Case) -> list[tuple[str, Point | None]]:
+    """The case's own points, with what messages call them: those on the grid, or all if none is.
+
+    `--over` may have narrowed the grid: what it has left out is warned of, and left out here too.
+    """
+    own = [(f"[confirm].points: point {n}:", point) for n, point in enumerate(case.points, start=1)]
+    off = [(origin, point, off_grid(dataset, point, origin)[1]) for origin, point in own]
+    held = [(origin, point) for origin, point, missing in off if not missing]
+    for origin, _, missing in off if held else []:
+        if missing:
+            values = ", ".join(f"{name} = {quantity.text}" for name, quantity in missing.items())
+            warnings.warn(
+                f"{origin} {values} is off the grid: left out; name it with --at to have it all the same",
+                FreqrailWarning,
+                stacklevel=4,
+            )
+    return [*held] or [*own] or [("--at", None)]
+
+
+def _point(place: Found) -> timedomain.Point:
+    case = result_case(place.dataset)
+    vehicle = case.vehicles().at(tuple(place.index[axis.name] for axis in case.axes if axis.name != "speed"))
     values = {name: quantity.value for name, quantity in case.quantities.items()}
-    values |= {name: float(grid_axis(dataset, name).si[i]) for name, i in index.items()}
+    values |= {name: float(grid_axis(place.dataset, name).si[i]) for name, i in place.index.items()}
     # twelve digits: the streams must not hang on the last bit of a conversion of units
     key = ", ".join(f"{name}={values[name]:.12g}" for name in sorted(values))
     return timedomain.Point(vehicle, values["speed"], case.spectrum, key)
 
 
-def _label_of(dataset: xr.Dataset, index: Mapping[str, int]) -> str:
-    return ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in index.items())
+def _label_of(place: Found) -> str:
+    return ", ".join(f"{name} = {axis_label(place.dataset, name, i)}" for name, i in place.index.items())

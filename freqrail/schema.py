@@ -14,7 +14,7 @@ import xarray as xr
 from freqrail.dataset import MODELS, PIECE, pieces
 from freqrail.errors import InputError
 from freqrail.names import DIMENSIONS, JOINTS, PARAMETERS, RESPONSES
-from freqrail.points import result_case
+from freqrail.points import axis_unit, result_case
 from freqrail.quantities import unit_factor
 
 ATTRIBUTES = ("case_name", "effective_case", "band", "source")
@@ -43,7 +43,7 @@ def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[s
         elif name not in dataset.coords:
             yield f"has no coordinate {name}"
         else:
-            unit = str(dataset[name].attrs.get("units", dataset[name].attrs.get("user_units", "")))
+            unit = axis_unit(dataset, name)
             try:
                 right = unit_factor(unit)[1] == unit_factor(PARAMETERS[name].unit)[1]
             except ValueError:
@@ -56,6 +56,7 @@ def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[s
 
 
 def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
+    first_schema = dataset.attrs.get("dataset_schema_version") == 1  # it wrote spectra as "(m s-2)2 Hz-1"
     for prefix in MODELS:
         own = axes if not prefix else tuple(name for name in axes if name not in JOINTS)
         for flags in (f"{prefix}status", f"{prefix}method"):
@@ -65,6 +66,7 @@ def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str
         for name, response in RESPONSES.items():
             place = (response.dimension,) if response.dimension else ()
             kinds = {"_rms": response.unit, "_rms_relative_error": "1", "_psd": response.psd_unit}
+            former = kinds | ({"_psd": f"({response.unit})2 Hz-1"} if first_schema else {})
             stored = any(f"{p}{name}{kind}" in dataset for p in MODELS for kind in kinds)
             for kind, unit in kinds.items():
                 variable = f"{prefix}{name}{kind}"
@@ -75,7 +77,7 @@ def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str
                 array = dataset[variable]
                 if array.dims != (*own, *place, *(("frequency",) if kind == "_psd" else ())):
                     yield f"{variable} has the dimensions {', '.join(map(str, array.dims)) or 'none'}"
-                elif array.attrs.get("units") != unit:
+                elif array.attrs.get("units") not in (unit, former[kind]):
                     yield f"{variable} has no unit {unit} (got {array.attrs.get('units', 'none')!r})"
                 elif kind != "_psd":
                     wrong = _without_number(array, dataset[f"{prefix}status"])

@@ -1,19 +1,18 @@
 """Results on disk: NetCDF files that are complete or not there at all.
 
-A file is written under a temporary name beside its target, read back and compared with what was meant
-by a digest of its whole content, flushed to the disk and only then put in the target's place. Every
-read checks that digest. One thread of one process touches NetCDF: the library is not thread-safe.
+A file is written beside its target, read back and compared with what was meant by a digest of its whole content,
+flushed to the disk and only then put in the target's place (see `files`). Every read checks that digest. One thread
+of one process touches NetCDF: the library is not thread-safe.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import math
 import os
 import shutil
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest
+from freqrail import files
+from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest, named_coordinates, narrowed
 from freqrail.errors import FileError, InputError
 from freqrail.quantities import given, shown_bytes
 from freqrail.schema import faults
@@ -45,8 +45,8 @@ def check_target(
     new_folder: its folder may be missing, the caller will make it.
 
     Raises InputError (exit 2) if its name does not end in .nc, if it exists and `overwrite` is not set, or is one of
-    the `inputs`, also through a link, or larger than the disk's free space; FileError (exit 4) if its folder is
-    missing or cannot be written.
+    the `inputs`, also through a link, no regular file, or larger than the disk's free space; FileError (exit 4) if its
+    folder is missing or cannot be written, or its name is one that cannot.
     """
     if not str(path):
         raise InputError("-o: the name is empty; name a file, such as result.nc")
@@ -58,7 +58,9 @@ def check_target(
         raise InputError(f'{target}: the name of a NetCDF file ends in ".nc"; did you mean {target}.nc?')
     if target.is_dir():
         raise InputError(f"{target}: is a folder; name a file in it, such as {target / 'result.nc'}")
-    if target.exists() and not overwrite:
+    if target.exists() and not target.is_file():
+        raise InputError(f"{target}: is not a regular file; name another output file")
+    if os.path.lexists(target) and not overwrite:
         raise InputError(f"{target}: exists already; --overwrite replaces it")
     folder = target.parent
     if new_folder and not folder.exists():
@@ -68,6 +70,7 @@ def check_target(
         raise FileError(f"{folder}: {what}, or name another with -o")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FileError(f"{folder}: this folder cannot be written")
+    files.check_name(target)
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise InputError(
@@ -83,27 +86,28 @@ def lock(target: Path) -> Iterator[None]:
 
     Raises FileError if another run holds it.
     """
+    from filelock import FileLock, Timeout, UnixFileLock  # only where something is written
+
     path = target.with_name(f".{target.name}.lock")
-    while True:
-        try:
-            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-        except OSError as fault:
-            raise FileError(f"{path}: cannot be written: {fault.strerror}") from None
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(handle)
-            raise FileError(
-                f"{target}: another run of freqrail is writing this file; wait for it, or name another with -o"
-            ) from None
-        if path.exists() and os.path.samestat(os.fstat(handle), path.stat()):
-            break
-        os.close(handle)  # its last holder removed it between our opening and locking it
+    # the lock of a system without fcntl holds the number of its process
+    files.check_beside(path, "the lock", empty=FileLock is UnixFileLock)
+    held = FileLock(path, timeout=0)
+    try:
+        held.acquire()
+    except Timeout:
+        raise FileError(
+            f"{target}: another run of freqrail is writing this file; wait for it, or name another with -o"
+        ) from None
+    except OSError as fault:
+        raise FileError(f"{path}: cannot be written: {fault.strerror}") from None
     try:
         yield
     finally:
-        path.unlink(missing_ok=True)
-        os.close(handle)
+        # The library leaves the file of such a lock: it goes while the lock is held, and a lock on a file that has
+        # gone is none to the library. Elsewhere the file is the library's to remove, or nobody's.
+        if isinstance(held, UnixFileLock):
+            path.unlink(missing_ok=True)
+        held.release()
 
 
 Part = tuple[tuple[slice, ...], Mapping[str, NDArray]]
@@ -117,44 +121,44 @@ def write_blocks(target: Path, skeleton: xr.Dataset, variables: Mapping[str, Var
 
     Raises FileError (an input or output fault, such as a full disk) with the old file, if any, untouched.
     """
-    temporary = target.with_name(f".{target.name}.partial")
     size = sum(math.prod(v.shape) * v.dtype.itemsize for v in variables.values())
     try:
-        unsigned = skeleton.assign_attrs(content_digest="0" * 64)
-        unsigned.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_encoding(skeleton))
-        written = []
-        with _small_cache(), netCDF4.Dataset(temporary, "a") as raw:
-            raw.set_auto_maskandscale(False)
-            for place, values in parts:
-                for name, numbers in values.items():
-                    if name not in raw.variables:
-                        _create(raw, name, variables[name], numbers.shape)
-                    raw.variables[name][place or ...] = numbers
-                    written.append((name, place, _checksum(numbers)))
-        with _small_cache(), netCDF4.Dataset(temporary) as raw:
-            raw.set_auto_maskandscale(False)
-            for name, place, checksum in written:
-                if _checksum(raw.variables[name][place or ...]) != checksum:
-                    raise OSError("what was read back differs from what was written; is the disk full?")
-        with _small_cache(), xr.open_dataset(temporary, engine="netcdf4") as complete:
-            digest = content_digest(complete)
-        with netCDF4.Dataset(temporary, "a") as raw:
-            raw.content_digest = digest
-        with netCDF4.Dataset(temporary) as raw:
-            if raw.content_digest != digest:
-                raise OSError("the digest was not written; is the disk full?")
-        _flush(temporary)
-        os.replace(temporary, target)
-        _flush(target.parent)
+        with files.replacing(target) as temporary:
+            _write(temporary, skeleton, variables, parts)
     except (OSError, RuntimeError, InputError) as fault:
-        temporary.unlink(missing_ok=True)
         full = shutil.disk_usage(target.parent).free < 2 * size  # the library does not say so
         limit = f"{fault} (is a quota, or a limit on the size of files, reached?)"
         words = "no space left on the disk" if full else getattr(fault, "strerror", None) or limit
         raise FileError(f"{target}: cannot be written: {words}") from None
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+
+
+def _write(path: Path, skeleton: xr.Dataset, variables: Mapping[str, Variable], parts: Iterable[Part]) -> None:
+    """Write a dataset part by part, read it back, compare, and sign it with its digest."""
+    unsigned = skeleton.assign_attrs(narrowed(skeleton.attrs) | {"content_digest": "0" * 64})
+    unsigned.to_netcdf(path, engine="netcdf4", format="NETCDF4", encoding=_encoding(skeleton))
+    written = []
+    with _small_cache(), netCDF4.Dataset(path, "a") as raw:
+        raw.set_auto_maskandscale(False)
+        for place, values in parts:
+            for name, numbers in values.items():
+                if name not in raw.variables:
+                    coordinates = named_coordinates(skeleton, name, variables[name].dims)
+                    _create(raw, name, variables[name], numbers.shape, coordinates)
+                raw.variables[name][place or ...] = numbers
+                written.append((name, place, _checksum(numbers)))
+        _drop_global_coordinates(raw)
+    with _small_cache(), netCDF4.Dataset(path) as raw:
+        raw.set_auto_maskandscale(False)
+        for name, place, checksum in written:
+            if _checksum(raw.variables[name][place or ...]) != checksum:
+                raise OSError("what was read back differs from what was written; is the disk full?")
+    with _small_cache(), xr.open_dataset(path, engine="netcdf4") as complete:
+        digest = content_digest(complete)
+    with netCDF4.Dataset(path, "a") as raw:
+        raw.content_digest = digest
+    with netCDF4.Dataset(path) as raw:
+        if raw.content_digest != digest:
+            raise OSError("the digest was not written; is the disk full?")
 
 
 @contextlib.contextmanager
@@ -172,7 +176,16 @@ def _checksum(numbers: NDArray) -> int:
     return zlib.crc32(np.ascontiguousarray(numbers).tobytes())
 
 
-def _create(raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int, ...]) -> None:
+def _drop_global_coordinates(raw: netCDF4.Dataset) -> None:
+    """Take away the attribute in which xarray names coordinates of no variable, once variables name all of them."""
+    named = {name for variable in raw.variables.values() for name in getattr(variable, "coordinates", "").split()}
+    if "coordinates" in raw.ncattrs() and set(raw.coordinates.split()) <= named:
+        raw.delncattr("coordinates")
+
+
+def _create(
+    raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int, ...], coordinates: Sequence[str]
+) -> None:
     """A variable in an open file, stored with checksums in chunks that a part of this shape fills."""
     for dimension, size in zip(variable.dims, variable.shape, strict=True):
         if dimension not in raw.dimensions:
@@ -192,7 +205,7 @@ def _create(raw: netCDF4.Dataset, name: str, variable: Variable, part: tuple[int
         fill_value=np.nan if variable.dtype.kind == "f" else False,
     )
     created.set_auto_maskandscale(False)
-    created.setncatts(variable.attributes)
+    created.setncatts(narrowed(variable.attributes) | ({"coordinates": " ".join(coordinates)} if coordinates else {}))
 
 
 def write_result(dataset: xr.Dataset, path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -233,24 +246,25 @@ def opened(path: str | os.PathLike[str], result: bool = True) -> Iterator[xr.Dat
     source = Path(path)
     if "://" in str(path):
         raise InputError(f"{path}: only local files are read")
-    if not source.is_file():
-        what = "is a folder" if source.is_dir() else "no such file"
-        raise InputError(f"{source}: {what}; a result of `freqrail sweep`, such as results/CASE.nc, is due")
     try:
-        with source.open("rb") as stream:
-            head = stream.read(8)
-    except OSError as fault:
-        raise InputError(f"{source}: cannot be read: {fault.strerror}") from None
+        found_file, folder, there = source.is_file(), source.is_dir(), source.exists()
+        head = files.read(source, 8) if found_file else b""
+    except (OSError, ValueError) as fault:
+        raise InputError(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
+    if not found_file:
+        what = "is a folder" if folder else "is not a regular file" if there else "no such file"
+        raise InputError(f"{source}: {what}; a result of `freqrail sweep`, such as results/CASE.nc, is due")
     if not head.startswith(_MAGIC):
         raise InputError(f"{source}: is not a NetCDF file" + (" (it is empty)" if not head else ""))
     with contextlib.ExitStack() as stack:
         stack.enter_context(_small_cache())
         try:
-            with netCDF4.Dataset(source) as raw:
+            path = stack.enter_context(files.spelled(source))
+            with netCDF4.Dataset(path) as raw:
                 _check_head(raw, source)
-            dataset = stack.enter_context(xr.open_dataset(source, engine="netcdf4", cache=False))
+            dataset = stack.enter_context(xr.open_dataset(path, engine="netcdf4", cache=False))
             found = content_digest(dataset)
-        except InputError:
+        except (InputError, MemoryError):
             raise
         except Exception as fault:  # a damaged file raises whatever the layers below happen to hit
             raise InputError(f"{source}: damaged, cannot be read as NetCDF ({type(fault).__name__})") from None
@@ -297,11 +311,3 @@ def _encoding(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
             settings["fletcher32"] = True
         encoding[str(name)] = settings
     return encoding
-
-
-def _flush(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -1,27 +1,27 @@
 """What the terminal shows of a case, its modes and a result: plain records, and tables made of them.
 
-Records are dicts that `--json` prints as they are, so their keys are plain identifiers; `table` sets them in
-columns and heads these in words.
+Records are dicts that `--json` prints as they are, so their keys are plain identifiers and the numbers of a response
+are in its variable's unit; `in_shown_units` makes records for people of them, `table` sets these in headed columns.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from freqrail import findings
+from freqrail.anew import find
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
-from freqrail.evidence import band_note, problems
-from freqrail.evidence import records as confirmation_records
 from freqrail.modal import modes
-from freqrail.names import PARAMETERS, RESPONSES
+from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE, meaning
 from freqrail.plan import band_text
-from freqrail.points import Point, axis_label, confirmed_point, locate, swept
-from freqrail.quantities import shown_value
+from freqrail.points import Point, axis_label, axis_unit, confirmed_point, swept
+from freqrail.quantities import printable, shown_value
 from freqrail.track import band_limits, standard_deviation
 from freqrail.vehicle import static_wheel_load
 
@@ -33,13 +33,26 @@ HEADINGS = {
     "difference_percent": "difference %",
     "interval_low": "95 % low",
     "interval_high": "95 % high",
+    "half_width_percent": "+-%",
+    "solver_differs": "solver",
+    "kernel_differs": "kernel",
+    "whole_axis_differs": "whole axis",
+    "result_differs": "result",
+    "kernel_percent": "by the kernel check %",
+    "simulation_percent": "by the simulation %",
 }
 """Keys of records whose column is not headed by the key with blanks for underscores."""
 
-
-def printable(text: str) -> str:
-    """Text with its control characters escaped, so that none reaches a terminal; lines stay lines."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+DIGITS = {
+    "half_width_percent": 2,
+    "solver_differs": 2,
+    "kernel_differs": 2,
+    "whole_axis_differs": 2,
+    "result_differs": 2,
+    "kernel_percent": 2,
+    "simulation_percent": 2,
+}
+"""Keys of records whose numbers are shown with other than four digits."""
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -54,7 +67,7 @@ def number(value: float, digits: int = 4) -> str:
 def table(records: Sequence[Record], columns: Sequence[str] | None = None) -> str:
     """Records as aligned text columns; numbers to the right, missing entries blank."""
     columns = list(columns or records[0])
-    cells = [[_cell(record.get(column)) for column in columns] for record in records]
+    cells = [[_cell(record.get(column), DIGITS.get(column, 4)) for column in columns] for record in records]
     heads = [HEADINGS.get(column, column.replace("_", " ")) for column in columns]
     widths = [max(len(head), *(len(row[i]) for row in cells)) for i, head in enumerate(heads)]
     right = [all(isinstance(r.get(c), int | float | None) for r in records) for c in columns]
@@ -66,10 +79,10 @@ def table(records: Sequence[Record], columns: Sequence[str] | None = None) -> st
     return "\n".join([line(heads), line(["-" * w for w in widths]), *(line(row) for row in cells)])
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, digits: int) -> str:
     if value is None:
         return ""
-    return number(value) if isinstance(value, float) else printable(str(value))
+    return number(value, digits) if isinstance(value, float) else printable(str(value))
 
 
 # --- a case ----------------------------------------------------------------------------------------
@@ -84,7 +97,7 @@ def case_parameters(case: Case) -> list[Record]:
             "given": quantity.text,
             "SI": quantity.value,
             "unit": PARAMETERS[name].unit,
-            "meaning": PARAMETERS[name].meaning,
+            "meaning": meaning(name, case.masses),
         }
         for name, quantity in case.quantities.items()
     ]
@@ -164,6 +177,19 @@ def mode_records(case: Case) -> list[Record]:
     return records
 
 
+_IN_RESPONSE_UNITS = ("RMS", "rigid_joints", "smallest", "largest", "simulated", "interval_low", "interval_high")
+
+
+def in_shown_units(records: Sequence[Record]) -> list[Record]:
+    """Records of a result's variables as people read them: in mm rather than m, and without the variable's name."""
+    shown = []
+    for record in records:
+        response = RESPONSES[record["variable"].removeprefix("traditional_").removesuffix("_rms")]
+        scaled = {key: record[key] * response.shown_scale for key in _IN_RESPONSE_UNITS if key in record}
+        shown.append({k: v for k, v in record.items() if k != "variable"} | scaled | {"unit": response.shown_unit})
+    return shown
+
+
 # --- a result --------------------------------------------------------------------------------------
 
 
@@ -179,11 +205,12 @@ def result_ranges(dataset: xr.Dataset) -> list[Record]:
             has = np.isfinite(values)
             records.append(
                 {
+                    "variable": variable,
                     "response": response.long_name,
                     "model": words.split(",")[0].replace("model with damper joints", "joints").split(" ")[0],
-                    "smallest": float(values[has].min()) * response.shown_scale if has.any() else math.nan,
-                    "largest": float(values[has].max()) * response.shown_scale if has.any() else math.nan,
-                    "unit": response.shown_unit,
+                    "smallest": float(values[has].min()) if has.any() else math.nan,
+                    "largest": float(values[has].max()) if has.any() else math.nan,
+                    "unit": response.unit,
                     "largest_error": float(error[has].max()) if has.any() else math.nan,
                 }
             )
@@ -197,32 +224,52 @@ def largest_error(dataset: xr.Dataset) -> float:
 
 
 def result_axes(dataset: xr.Dataset) -> list[Record]:
-    """The swept parameters of a result: name, number of values, first and last."""
+    """The swept parameters of a result: name, number of values, first, last, unit."""
     return [
         {
             "axis": name,
             "values": int(dataset.sizes[name]),
-            "first": axis_label(dataset, name, 0),
-            "last": axis_label(dataset, name, -1),
+            "first": float(dataset[name].values[0]),
+            "last": float(dataset[name].values[-1]),
+            "unit": axis_unit(dataset, name),
         }
         for name in swept(dataset)
     ]
 
 
-def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
-    """One grid point as facts to print as JSON and as lines of text.
+def result_tables(dataset: xr.Dataset) -> list[str]:
+    """The axes and the ranges of a result as tables."""
+    axes = [
+        {k: axis[k] for k in ("axis", "values")}
+        | {end: axis_label(dataset, axis["axis"], at) for end, at in (("first", 0), ("last", -1))}
+        for axis in result_axes(dataset)
+    ]
+    return [table(records) for records in (axes, in_shown_units(result_ranges(dataset))) if records]
 
-    Where it is, why it has no result if so, and RMS with and without joints at every position.
+
+def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
+    """One point as facts to print as JSON and as lines of text; one that the grid lacks is computed anew, and said so.
+
+    Where it is, what has no result and why if so, and RMS with and without joints at every position.
     """
-    indices = locate(dataset, point)
-    facts: Record = {"point": {name: axis_label(dataset, name, i) for name, i in indices.items()}}
-    lines = [", ".join(f"{name} = {label}" for name, label in facts["point"].items())]
+    found = find(dataset, point)
+    dataset, indices = found.dataset, found.index
+    facts: Record = {
+        "point": {name: float(dataset[name].values[i]) for name, i in indices.items()},
+        "units": {name: axis_unit(dataset, name) for name in indices},
+        "computed_anew": list(found.anew),
+    }
+    where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
+    lines = [where, *filter(None, [found.note])]
     for prefix, words in MODELS.items():
         flags = dataset[f"{prefix}status"]
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
         facts[f"{prefix}status"] = str(flags.attrs["flag_meanings"]).split()[status]
         if status:
-            lines.append(f"{words}: no result, status {facts[f'{prefix}status']}")
+            stored = [name for name in RESPONSES if f"{prefix}{name}_rms" in dataset]
+            lacking = [name for name in stored if _lacks(dataset[f"{prefix}{name}_rms"], indices)]
+            of = f" for {', '.join(lacking)}" if lacking != stored else ""
+            lines.append(f"{words}: no result{of}, status {facts[f'{prefix}status']}")
     records: list[Record] = []
     for name, response in RESPONSES.items():
         if f"{name}_rms" not in dataset:
@@ -238,15 +285,20 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
                     "variable": f"{name}_rms",
                     "response": response.long_name,
                     "at": str(label) if response.dimension != "axle" else f"axle {label}",
-                    "RMS": joint * response.shown_scale,
-                    "rigid_joints": rigid * response.shown_scale,
-                    "unit": response.shown_unit,
+                    "RMS": joint,
+                    "rigid_joints": rigid,
+                    "unit": response.unit,
                     "difference_percent": 100 * (joint / rigid - 1),
                     "relative_error": error,
                 }
             )
-    columns = [column for column in records[0] if column != "variable"]
-    return facts | {"numbers": records}, [*lines, table(records, columns)]
+    return facts | {"numbers": records}, [*lines, table(in_shown_units(records))]
+
+
+def _lacks(array: xr.DataArray, indices: Mapping[str, int]) -> bool:
+    """Whether a response lacks a number at a grid point."""
+    at_point = array.isel({k: i for k, i in indices.items() if k in array.dims})
+    return not np.isfinite(at_point.values).all()
 
 
 def result_head(dataset: xr.Dataset) -> str:
@@ -267,28 +319,69 @@ def case_head(case: Case) -> str:
 
 
 def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[Record, list[str]]:
-    """A confirmation as facts to print as JSON and as lines of text: conditions, a table a point, and what fails.
+    """A confirmation as facts for JSON and as lines of text: conditions, a table a point, what it sees, what fails.
 
     point: the only one to tell of. Raises InputError if it is not among those confirmed.
     """
     attributes = dataset.attrs
     chosen = range(dataset.sizes["point"]) if point is None else [confirmed_point(dataset, point)]
-    tables = {str(dataset["place"].values[i]): confirmation_records(dataset, i) for i in chosen}
-    faults = problems(dataset)
+    tables = {str(dataset["place"].values[i]): findings.records(dataset, i) for i in chosen}
+    shared = {str(dataset["place"].values[i]): findings.shared(dataset, i) for i in chosen}
+    faults, missing, power = findings.problems(dataset), findings.not_checked(dataset), findings.power(dataset)
     head = [
         str(attributes.get("title", attributes["case_name"])),
-        f"{band_note(dataset)}; {attributes['realisations']} Gaussian records of {attributes['duration_s']:g} s, "
-        f"seed {attributes['seed']}, {attributes['integrator']}",
+        f"{findings.band_note(dataset)}; {attributes['realisations']} Gaussian records of "
+        f"{attributes['duration_s']:g} s, seed {attributes['seed']}, {attributes['integrator']}",
     ]
     lines = [printable(line) for line in head]
     for where, numbers in tables.items():
-        lines += ["", printable(where), table(numbers)]
+        columns = [column for column in findings.TABLE if column in numbers[0]]
+        lines += ["", printable(where), table(in_shown_units(numbers), columns), _shared_text(shared[where])]
     lines += [
         "",
-        "confirmed: inside the interval that holds for all checks together with "
-        f"{100 * float(attributes['verdict_confidence']):g} %, wider than the 95 % one above",
+        "verdict: simulated RMS inside the interval that holds for all checks together with "
+        f"{100 * float(attributes['verdict_confidence']):g} %, wider than the 95 % one above: half of it is +-%; "
+        "the other columns are relative differences",
+        "",
+        "smallest fault of an RMS that this run would have seen, over its points and models",
+        table(power),
+        "",
     ]
-    checks = 2 * dataset["solver_error"].size
-    words = "all stand" if not faults else "NOT all stand"
-    lines += [f"{checks} checks: {words}; largest solver error {float(dataset['solver_error'].max()):.1e}"]
-    return {"title": head[0], "conditions": head[1], "points": tables, "problems": faults}, lines
+    total = findings.count_of_checks(dataset)
+    if faults:
+        words = f"{total} checks: NOT all stand"
+    elif missing:
+        words = f"{total} checks: those that could be made stand; not checked:"
+    else:
+        words = f"{total} checks: all stand"
+    lines += [words, *(f"  {line}" for line in missing)]
+    axes = [str(name) for name in dataset.coords if name in SWEEPABLE and dataset[name].dims == ("point",)]
+    facts = {
+        "title": head[0],
+        "conditions": head[1],
+        "points": tables,
+        "shared": shared,
+        "power": power,
+        "axes": {
+            str(dataset["place"].values[i]): {name: float(dataset[name].values[i]) for name in axes} for i in chosen
+        },
+        "units": {name: axis_unit(dataset, name) for name in axes},
+        "problems": faults,
+        "not_checked": missing,
+    }
+    return facts, lines
+
+
+def _shared_text(shared: Record) -> str:
+    """What both sides of a confirmation share at a point, as a line of text."""
+    lags = ", ".join(number(1e3 * lag) for lag in shared["lags_s"])
+    simulated = ", ".join(number(1e3 * lag) for lag in shared["simulated_lags_s"])
+    track = "; ".join(
+        f"{row['range']} {number(row['simulated_mm'], 5)} mm simulated, {number(row['mm'], 5)} mm by the spectrum"
+        for row in shared["track"]
+    )
+    load, stiffness = number(shared["static_wheel_load_N"]), number(shared["contact_stiffness_N_per_m"], 5)
+    return (
+        f"shared by both sides: P0 {load} N, K_H {stiffness} N/m, lags {lags} ms (on the track simulated {simulated})\n"
+        f"track, standard deviation: {track}"
+    )

@@ -11,11 +11,12 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
 from freqrail.errors import FileError, FreqrailError, FreqrailWarning
+from freqrail.process import is_out_of_memory, limit_in_words
 
 
 def report(facts: dict[str, Any], as_json: bool, *lines: str) -> None:
@@ -62,16 +63,30 @@ def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
         yield advance
 
 
+def tell(text: str) -> None:
+    """A line on stderr; lost if nobody takes it."""
+    try:
+        click.echo(text, err=True)
+    except (OSError, ValueError):
+        _abandon(sys.stderr)
+
+
 def _say(kind: str, text: str) -> None:
-    from freqrail.summary import printable
+    from freqrail.quantities import printable
 
     for line in text.split("\n"):
-        click.echo(f"freqrail: {kind}: {printable(line)}", err=True)
+        tell(f"freqrail: {kind}: {printable(line)}")
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *rest: Any, **options: Any) -> None:
     if issubclass(category, FreqrailWarning):
         _say("warning", str(message))
+
+
+def _abandon(stream: TextIO) -> None:
+    """Leave nothing for the interpreter to flush at its end into a stream that takes nothing."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def guarded(task: Callable[[], object]) -> int:
@@ -81,6 +96,7 @@ def guarded(task: Callable[[], object]) -> int:
     """
     try:
         with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             warnings.simplefilter("always", FreqrailWarning)
             warnings.showwarning = _show_warning
             task()
@@ -90,7 +106,7 @@ def guarded(task: Callable[[], object]) -> int:
     except SystemExit:  # click's way to leave a closed pipe
         return FileError.exit_code
     except click.exceptions.NoArgsIsHelpError as help_text:
-        click.echo(help_text.format_message(), err=True)
+        tell(help_text.format_message())
         return 2
     except click.UsageError as fault:
         where = f" (see {fault.ctx.command_path} --help)" if fault.ctx else ""
@@ -101,14 +117,16 @@ def guarded(task: Callable[[], object]) -> int:
             _say("error", problem.replace("\n", "\\n"))
         return fault.exit_code
     except (KeyboardInterrupt, click.Abort):
-        click.echo("freqrail: interrupted", err=True)
+        tell("freqrail: interrupted")
         return 130
-    except BrokenPipeError:
-        # the reader has gone; leave nothing for the interpreter to flush into the closed pipe
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FileError.exit_code
-    except OSError as fault:
-        _say("error", f"{fault.filename or 'output'}: {fault.strerror or fault}")
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, MemoryError, RuntimeError, ImportError) as fault:
+        if is_out_of_memory(fault):
+            tell(f"freqrail: error: out of memory{limit_in_words()}")
+        elif isinstance(fault, OSError):
+            if not isinstance(fault, BrokenPipeError):  # of which the user knows
+                _say("error", f"{fault.filename or 'output'}: {fault.strerror or fault}")
+        else:
+            raise
+        _abandon(sys.stdout)
         return FileError.exit_code
     return 0

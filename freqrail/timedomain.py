@@ -1,16 +1,11 @@
 """Grid points in the time domain: what a simulation says of the numbers that came from frequency responses.
 
-Two verdicts, never mixed:
+One period of the simulated response is held against the line spectrum of the same record, where only the integrator's
+error is left, and Gaussian records against the RMS over the continuous spectrum (`freqrail.verdicts`).
 
-- solver: one period of the simulated response against the line spectrum of the same record. Only the
-  integrator's error is left, so that the tolerance is tight; it finds a fault in the equations, the lags or the
-  integration, whatever the track's spectrum.
-- statistical: Gaussian records against the RMS over the continuous spectrum (`freqrail.verdicts`). It finds a wrong
-  use of the spectrum or the band, and a wrong quadrature, too.
-
-The frequency side (`response.track_response`) and the time side (`vehicle.state_space`) share what both are told, the
-vehicle's numbers, the lags of eq. (2) and S_v of eq. (11), and nothing else; a fault put into a `Simulated` is on the
-time side only.
+The frequency side (`crosschecks.transfer_power`) and the time side (`vehicle.state_space`) share what both are told,
+the vehicle's numbers, the lags of eq. (2) and S_v of eq. (11), and nothing else; a fault put into a `Simulated` is on
+the time side only.
 """
 
 from __future__ import annotations
@@ -24,28 +19,28 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.linalg import block_diag
 
+from freqrail.crosschecks import state_response, transfer_power
 from freqrail.errors import InputError, NumericalError
 from freqrail.integrators import Accuracy, Progress, integrate, solver_of, stack
+from freqrail.names import RESPONSES
 from freqrail.realisation import (
-    Lines,
     Track,
     fixed_amplitudes,
     gaussian_amplitudes,
     mean_square,
-    refined,
     sampled_track,
     spectral_lines,
     stream,
+    track_deviation,
+    track_lags,
 )
-from freqrail.response import SERIES, chain_responses, track_response, wheel_lags
-from freqrail.track import Spectrum
+from freqrail.response import SERIES, wheel_lags
+from freqrail.track import Spectrum, frequency_psd
 from freqrail.vehicle import DEGREES_OF_FREEDOM, StateSpace, System, Vehicle, half_vehicle, poles, state_space
 from freqrail.verdicts import degrees_of_freedom
 
-RESPONSES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke")
-"""The responses that are confirmed: the paper's four, eleven series in all."""
-
-SERIES_COUNT = sum(len(SERIES[name].positions) for name in RESPONSES)
+PAPER = tuple(name for name, response in RESPONSES.items() if response.paper)
+"""The paper's four responses, eleven series in all."""
 
 MODELS = ("joint", "traditional")
 
@@ -56,7 +51,9 @@ FORGOTTEN = 1e-5  # what is left of the start's transient when the measured peri
 RESOLVED = 1e-3  # a mode in the band must decay by this within a record, or the lines step over its peak
 RAMP = 4.0  # s, over which the track rises at the start
 NEAR = 40.0 / RAMP  # Hz beyond the band's end where the ramp's own spectrum still strikes a mode
-SAMPLES_A_PERIOD = 10  # of the track, at the highest line
+SAMPLES_A_PERIOD = (10, 14, 20, 28, 40, 56, 80)  # of the track, at the highest line: the first that will do
+IMAGES = 1e-6  # what the images of the track's spline may add to an RMS, relative
+IMAGE_LINES = 400  # at which they are reckoned
 STEPS_A_PERIOD = 5  # at least, of an integrator with error control, at the highest line
 KEPT_EVERY = 2  # steps of the track: the responses keep five samples a period of the highest line
 NEWMARK_SUBSTEPS = 8
@@ -69,6 +66,7 @@ SLOW_TRIAL = 3.0  # ... unless that takes more than this, s of wall time
 TRIAL_PERIOD = 5.0  # s, of the track that a trial runs on
 HISTORY = 10.0  # s of the first record that are kept to be drawn
 PSD_LINES = 600  # lines, at most, at which spectra are kept
+GOOD_TRACK = (3.0, 25.0)  # m, the wavelengths by which track standards judge a track (EN 13848-1, range D1)
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class Plan:
     limits: the band, Hz. period: length of a record, s. realisations: Gaussian records, beside one of fixed
     amplitudes. integrator: of `integrators.INTEGRATORS`. start: "rest" or "steady". seed: see `realisation.stream`.
     accuracy: None for the defaults. interpolation: of the track between samples, "cubic" (or, to show what
-    it does, "linear").
+    it does, "linear"). names: of the responses. finer: times the track's samples that will do.
     """
 
     limits: tuple[float, float]
@@ -89,7 +87,8 @@ class Plan:
     seed: int = 0
     accuracy: Accuracy = field(default_factory=lambda: Accuracy(substeps=NEWMARK_SUBSTEPS))
     interpolation: str = "cubic"
-    samples_a_period: int = SAMPLES_A_PERIOD
+    names: tuple[str, ...] = PAPER
+    finer: int = 1
 
     def tighter(self) -> Plan:
         """The same ten times tighter: tolerances; the steps of a method of second order; else the track's samples."""
@@ -99,8 +98,7 @@ class Plan:
             absolute=self.accuracy.absolute / 10,
             substeps=math.ceil(self.accuracy.substeps * math.sqrt(10)),
         )
-        finer = 2 if self.integrator == "exponential" else 1
-        return replace(self, accuracy=accuracy, samples_a_period=self.samples_a_period * finer)
+        return replace(self, accuracy=accuracy, finer=2 if self.integrator == "exponential" else 1)
 
 
 @dataclass(frozen=True)
@@ -117,24 +115,27 @@ class Point:
 class Simulated:
     """The time side of a point: state spaces and what reads the responses off them, by model, and the wheels' lags.
 
-    readout: [series, states] a model. lags: [wheels], s.
+    readout: [series, states] a model, feedthrough: [series, wheels], of the track heights. lags: [wheels], s.
     """
 
     models: dict[str, StateSpace]
     readout: dict[str, NDArray[np.float64]]
+    feedthrough: dict[str, NDArray[np.float64]]
     lags: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What was found at a point. Numbers in SI units, NaN where a run failed; series in the order of `series_labels`.
+    """What was found at a point. Numbers in SI units, NaN where a run failed; series in the order of the plan's names.
 
     line_spectrum, simulated: RMS of every record, [model, series, record], the record of fixed amplitudes first.
     pooled: RMS of all Gaussian records together, [model, series]; degrees: its degrees of freedom.
     frequency [n], psd, psd_simulated [model, series, n]: one-sided PSD per Hz at a choice of lines, from the frequency
     responses and from the simulated record of fixed amplitudes. time [m], s; heights [wheels, m]; histories
-    [model, series, m]: the beginning of that record. startup: s. tighter_change: largest relative change of an RMS
-    of the first record ten times tighter; NaN if that was not asked for. failures: what went wrong, by model.
+    [model, series, m]: the beginning of that record. track_deviation [range]: standard deviation of that record's
+    track in each of `track_ranges`, m, NaN where it has no line there. lags [wheels]: those at which its track reaches
+    the wheels, s. startup: s. tighter_change: largest relative change of an RMS of the first record ten times tighter;
+    NaN if that was not asked for. failures: what went wrong, by model.
     """
 
     line_spectrum: NDArray[np.float64]
@@ -147,6 +148,8 @@ class Evidence:
     time: NDArray[np.float64]
     heights: NDArray[np.float64]
     histories: NDArray[np.float64]
+    track_deviation: NDArray[np.float64]
+    lags: NDArray[np.float64]
     startup: float
     tighter_change: float
     failures: dict[str, str]
@@ -160,40 +163,61 @@ class Evidence:
 # --- the two sides ---------------------------------------------------------------------------------
 
 
-def readout(system: System, model: StateSpace, vehicle: Vehicle) -> NDArray[np.float64]:
-    """[series, states] that reads the eleven series off the states of a half vehicle (signs as in `vehicle`)."""
+def series_count(names: tuple[str, ...]) -> int:
+    """How many series the named responses are, a position each."""
+    return sum(len(SERIES[name].positions) for name in names)
+
+
+def readout(
+    system: System, model: StateSpace, vehicle: Vehicle, names: tuple[str, ...] = PAPER
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """C [series, states] and D [series, wheels]: the responses of a half vehicle are C x + D v (signs as in `vehicle`).
+
+    x: the states, v: the track heights under the wheels, m, which only the wheelsets' accelerations feel at once.
+    """
+    unit = dict(zip(DEGREES_OF_FREEDOM, np.eye(len(system.freedoms)), strict=True))
+    arm = vehicle.half_bogie_spacing
+    accelerated = {
+        # over the front pivot, at the centre, over the rear pivot
+        "car_body_acceleration": [unit["z_c"] + place * unit["beta_c"] for place in (-arm, 0.0, arm)],
+        "bogie_acceleration": [unit["z_t1"], unit["z_t2"]],
+        "wheelset_acceleration": [unit[f"z_w{axle}"] for axle in (1, 2, 3, 4)],
+        "car_body_pitch_acceleration": [unit["beta_c"]],
+        "bogie_pitch_acceleration": [unit["beta_t1"], unit["beta_t2"]],
+    }
     n, states = len(system.freedoms), len(model.states)
-    place = {name: DEGREES_OF_FREEDOM.index(name) for name in DEGREES_OF_FREEDOM}
-    acceleration = np.zeros((5, n))
-    for row, sign in enumerate((-1, 0, 1)):  # over the front pivot, at the centre, over the rear pivot
-        acceleration[row, place["z_c"]] = 1
-        acceleration[row, place["beta_c"]] = sign * vehicle.half_bogie_spacing
-    acceleration[3, place["z_t1"]] = acceleration[4, place["z_t2"]] = 1
-    elongation = np.zeros((len(system.legs), states))
-    elongation[:, states - n :] = [leg.elongation for leg in system.legs]
-    # none of these bodies stands on the rail: their accelerations are read off the states alone
-    return np.vstack([acceleration @ model.a[:n], elongation])
+    rows, feedthrough = [], []
+    for name in names:
+        if name in accelerated:
+            q = np.array(accelerated[name])
+            rows.append(q @ model.a[:n])
+            feedthrough.append(q @ model.b[:n])
+            continue
+        stage = name.removesuffix("_stroke")
+        legs = np.array([leg.elongation for leg in system.legs if leg.name.startswith(stage)])
+        rows.append(np.hstack([np.zeros((len(legs), states - n)), legs]))
+        feedthrough.append(np.zeros((len(legs), model.b.shape[1])))
+    return np.vstack(rows), np.vstack(feedthrough)
 
 
-def time_side(point: Point) -> Simulated:
+def time_side(point: Point, names: tuple[str, ...] = PAPER) -> Simulated:
     """The simulated side of a point, without any fault."""
-    models, rows = {}, {}
-    for name, vehicle in zip(MODELS, (point.vehicle, point.vehicle.traditional()), strict=True):
+    models, rows, feedthrough = {}, {}, {}
+    for name, vehicle in vehicles(point).items():
         system = half_vehicle(vehicle)
         models[name] = state_space(system)
-        rows[name] = readout(system, models[name], vehicle)
-    return Simulated(models, rows, wheel_lags(point.vehicle, point.speed))
+        rows[name], feedthrough[name] = readout(system, models[name], vehicle, names)
+    return Simulated(models, rows, feedthrough, wheel_lags(point.vehicle, point.speed))
 
 
-def transfer_power(point: Point, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """|T|^2 of the eleven series of both models at `frequency` [K] in Hz: [model, series, K], from the FRFs."""
-    omega = 2 * np.pi * frequency
-    power = []
-    for vehicle in (point.vehicle, point.vehicle.traditional()):
-        chains = chain_responses(vehicle, omega)
-        rows = [track_response(SERIES[name], vehicle, omega, point.speed, chains) for name in RESPONSES]
-        power.append(np.square(np.abs(np.concatenate(rows))))
-    return np.array(power)
+def vehicles(point: Point) -> dict[str, Vehicle]:
+    """The vehicle of a point by model."""
+    return {"joint": point.vehicle, "traditional": point.vehicle.traditional()}
+
+
+def line_power(point: Point, names: tuple[str, ...], frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|T|^2 of the named responses of both models at `frequency` [K] in Hz, from the FRFs: [model, series, K]."""
+    return np.array([transfer_power(vehicle, names, point.speed, frequency) for vehicle in vehicles(point).values()])
 
 
 # --- before the run --------------------------------------------------------------------------------
@@ -220,7 +244,7 @@ def accuracy(point: Point, plan: Plan) -> Accuracy:
 
 def _struck(point: Point, highest: float) -> NDArray[np.complex128]:
     """Poles of both models, rad/s, that a band up to `highest` [Hz] strikes."""
-    both = np.concatenate([poles(v) for v in (point.vehicle, point.vehicle.traditional())])
+    both = np.concatenate([poles(vehicle) for vehicle in vehicles(point).values()])
     if not np.isfinite(both).all():
         raise InputError("the vehicle's numbers are too far apart for double precision: nothing to simulate")
     return both[np.abs(both.imag) <= 2 * np.pi * (highest + NEAR)]
@@ -245,8 +269,8 @@ def check_plan(point: Point, plan: Plan) -> None:
             f'lines of a record must resolve its peak; --duration "{math.ceil(least)} s" or more is due, or a --band '
             "without that mode"
         )
-    samples = (plan.period + startup(point, plan)) * plan.limits[1] * plan.samples_a_period
-    needed = 8 * samples * (6 * min(plan.realisations + 1, BATCH) + 2 * SERIES_COUNT)
+    samples = (plan.period + startup(point, plan)) * sampling_rate(point, plan, time_side(point, plan.names))
+    needed = 8 * samples * (6 * min(plan.realisations + 1, BATCH) + 2 * series_count(plan.names))
     needed += 16 * plan.limits[1] * plan.period * (plan.realisations + 1)
     if needed > MOST_MEMORY:
         raise InputError(
@@ -258,7 +282,7 @@ def check_plan(point: Point, plan: Plan) -> None:
 def seconds(point: Point, plan: Plan) -> float:
     """Estimated wall time of `examine`, s, from running the first moments of it in the steady state."""
     trial = replace(plan, start="steady", period=min(plan.period, TRIAL_PERIOD))
-    side, told = time_side(point), accuracy(point, plan)
+    side, told = time_side(point, plan.names), accuracy(point, plan)
     prepared = _prepare(point, trial, side, amplitudes(point, trial)[:BATCH])
     simulated = startup(point, plan) + plan.period
     total = 0.0
@@ -310,17 +334,17 @@ def examine(
     and its reason in `failures`. Raises InputError as `check_plan` does.
     """
     check_plan(point, plan)
-    side = side or time_side(point)
+    side = side or time_side(point, plan.names)
     lines = spectral_lines(point.spectrum, point.speed, plan.limits, plan.period)
     records = amplitudes(point, plan)
-    power = transfer_power(point, lines.frequency)
-    squares = np.full((len(MODELS), SERIES_COUNT, len(records)), np.nan)
+    power = line_power(point, plan.names, lines.frequency)
+    squares = np.full((len(MODELS), series_count(plan.names), len(records)), np.nan)
     failures: dict[str, str] = {}
     first = None
     for begin in range(0, len(records), BATCH):
         batch = slice(begin, begin + BATCH)
         prepared = _prepare(point, plan, side, records[batch])
-        squares[..., batch], responses, faults = _run(plan, prepared, progress)
+        squares[..., batch], responses, faults = run_records(plan, prepared, progress)
         failures |= faults
         first = first or (prepared, responses)
     assert first is not None
@@ -328,7 +352,7 @@ def examine(
     change = math.nan
     if tighter:
         finer = plan.tighter()
-        again, _, faults = _run(finer, _prepare(point, finer, side, records[:1]), progress)
+        again, _, faults = run_records(finer, _prepare(point, finer, side, records[:1]), progress)
         failures |= {model: f"ten times tighter: {fault}" for model, fault in faults.items()}
         change = float(np.max(np.abs(np.sqrt(again[..., 0] / squares[..., 0]) - 1)))
     chosen = np.unique(np.geomspace(1, lines.order.size, PSD_LINES).round().astype(np.intp)) - 1
@@ -345,55 +369,24 @@ def examine(
         psd=mean[..., chosen] / lines.width[chosen],
         psd_simulated=np.square(np.abs(transform)) / 2 / lines.width[chosen],
         time=spacing * np.arange(shown),
-        heights=prepared.track.at_steps(prepared.track.before, shown * prepared.stride)[:: prepared.stride, :, 0].T,
+        heights=_kept_heights(prepared, 0, shown)[..., 0].T,
         histories=responses[..., :shown],
+        track_deviation=track_deviation(lines, prepared.track, track_ranges(point, plan)),
+        lags=track_lags(lines, prepared.track),
         startup=prepared.track.startup,
         tighter_change=change,
         failures=failures,
     )
 
 
-DEFAULT_TOLERANCES = Accuracy(relative=1e-3, absolute=1e-6)
-"""What most programs integrate with unless told otherwise; `absolute` is not scaled by the states here."""
+def track_ranges(point: Point, plan: Plan) -> NDArray[np.float64]:
+    """Limits, Hz, of the ranges in which a record's track is checked: GOOD_TRACK as far as the band reaches, the band.
 
-
-def plain_run(
-    point: Point,
-    limits: tuple[float, float],
-    duration: float,
-    step: float,
-    interpolation: str = "linear",
-    integrator: str = "rk45",
-    accuracy: Accuracy = DEFAULT_TOLERANCES,
-    ramp: float = 0.0,
-    seed: int = 0,
-    side: Simulated | None = None,
-) -> tuple[NDArray, NDArray, NDArray]:
-    """A run as it is usually made: from rest, the track switched on at once, nothing discarded, no step limit.
-
-    limits: of the lines, Hz. duration: s, also the lines' period. step: s between the track's samples; with straight
-    lines between them, responses are kept more often, so that what the kinks excite is not mistaken for something
-    else. ramp: s over which the track rises smoothly instead. Returns (times
-    [m], responses [model, series, m], RMS of the same record's line spectrum [model, series]); NaN where a run failed.
-    For studies of what such a run reports; `examine` is what confirms.
+    [range, 2]; an empty range is NaN.
     """
-    side = side or time_side(point)
-    lines = spectral_lines(point.spectrum, point.speed, limits, duration)
-    record = fixed_amplitudes(lines, stream(seed, point.key, "plain run", 0))[None]
-    track = sampled_track(lines, record, side.lags, round(duration / step), 0, ramp, interpolation)
-    if interpolation == "linear":
-        track = refined(track, math.ceil(track.step * SAMPLES_A_PERIOD * limits[1]))
-    start = {name: np.zeros((len(model.a), 1)) for name, model in side.models.items()}
-    size = {name: np.ones(len(model.a)) for name, model in side.models.items()}
-    _, responses, _ = _run(
-        Plan(limits, integrator=integrator), _Prepared(track, 1, accuracy, side, start, size), _quiet
-    )
-    power = transfer_power(point, lines.frequency)
-    return track.step * np.arange(track.samples), responses, np.sqrt(mean_square(power, record))[..., 0]
-
-
-def _quiet(seconds: float) -> None:
-    """Progress that nobody watches."""
+    shortest, longest = GOOD_TRACK
+    low, high = max(plan.limits[0], point.speed / longest), min(plan.limits[1], point.speed / shortest)
+    return np.array([[low, high] if low < high else [np.nan, np.nan], plan.limits])
 
 
 def simulated_seconds(point: Point, plan: Plan, tighter: bool = False) -> float:
@@ -403,7 +396,7 @@ def simulated_seconds(point: Point, plan: Plan, tighter: bool = False) -> float:
 
 
 @dataclass(frozen=True)
-class _Prepared:
+class Prepared:
     """A batch of records ready to run: the track, and by model its state space, start, size and readout."""
 
     track: Track
@@ -414,38 +407,62 @@ class _Prepared:
     size: dict[str, NDArray[np.float64]]
 
 
-def _prepare(point: Point, plan: Plan, side: Simulated, records: NDArray[np.complex128]) -> _Prepared:
+def _prepare(point: Point, plan: Plan, side: Simulated, records: NDArray[np.complex128]) -> Prepared:
     lines = spectral_lines(point.spectrum, point.speed, plan.limits, plan.period)
-    samples = _samples(side, plan, lines)
+    samples = _samples(point, side, plan)
     before = math.ceil(startup(point, plan) * samples / plan.period)
     ramp = 0.0 if plan.start == "steady" else RAMP
     track = sampled_track(lines, records, side.lags, samples, before, ramp, plan.interpolation)
     start, size = {}, {}
     for name, model in side.models.items():
-        steady = _line_states(model, side.lags, lines)
+        every, none = np.eye(len(model.a)), np.zeros(model.b.shape)
+        steady = state_response(model, every, none, side.lags, lines.frequency)
         size[name] = np.sqrt(np.square(np.abs(steady)) @ np.square(lines.amplitude) / 2)
         start[name] = (steady @ records.T).real * (plan.start == "steady")
-    return _Prepared(track, KEPT_EVERY, accuracy(point, plan), side, start, size)
+    return Prepared(track, KEPT_EVERY, accuracy(point, plan), side, start, size)
 
 
-def _samples(side: Simulated, plan: Plan, lines: Lines) -> int:
-    """Samples of the track in a period: enough for the highest line, and for its images to clear every mode."""
-    highest = float(lines.frequency[-1])
-    modes = max(float(np.abs(np.linalg.eigvals(model.a).imag).max()) / (2 * np.pi) for model in side.models.values())
-    # a line at f has images at rate -+ f; an undamped wheelset there would answer them
-    rate = max(plan.samples_a_period * highest, highest + 2 * modes)
-    samples = next_fast_len(math.ceil(rate * plan.period))
+def _samples(point: Point, side: Simulated, plan: Plan) -> int:
+    """Samples of the track in a period."""
+    samples = next_fast_len(math.ceil(sampling_rate(point, plan, side) * plan.period))
     while samples % KEPT_EVERY:
         samples = next_fast_len(samples + 1)
     return samples
 
 
-def _line_states(model: StateSpace, lags: NDArray[np.float64], lines: Lines) -> NDArray[np.complex128]:
-    """Steady states per metre of track at t = 0: X_k = (i omega_k - A)^-1 B exp(-i omega_k tau), [states, K]."""
-    omega = 2 * np.pi * lines.frequency
-    forcing = np.exp(-1j * np.multiply.outer(omega, lags)) @ model.b.T
-    matrices = 1j * omega[:, None, None] * np.eye(len(model.a)) - model.a
-    return np.asarray(np.linalg.solve(matrices, forcing[..., None])[..., 0].T, dtype=np.complex128)
+def sampling_rate(point: Point, plan: Plan, side: Simulated) -> float:
+    """Samples of the track a second: enough for the highest line, and for its images to leave every RMS alone.
+
+    They must clear every mode, for an undamped wheelset there would answer them, and add less than IMAGES to an RMS.
+    """
+    highest = plan.limits[1] + 0.5 / plan.period
+    modes = max(float(np.abs(np.linalg.eigvals(model.a).imag).max()) / (2 * np.pi) for model in side.models.values())
+    rate = math.inf
+    for samples in SAMPLES_A_PERIOD:
+        rate = max(samples * highest, highest + 2 * modes)
+        if plan.interpolation != "cubic" or image_bound(point, plan, side, rate) <= IMAGES:
+            break
+    return rate * plan.finer
+
+
+def image_bound(point: Point, plan: Plan, side: Simulated, rate: float) -> float:
+    """Upper bound of what the images of a cubic spline with `rate` samples a second add to any RMS, relative.
+
+    A line at f has images at m rate -+ f, (f/(m rate -+ f))^4 of its height. The kept samples cannot tell the first of
+    them from the line, so that they may add up in phase: sum |Y_k| |image_k|/sum |Y_k|^2.
+    """
+    lines = np.linspace(*plan.limits, IMAGE_LINES)
+    density = frequency_psd(point.spectrum, lines, point.speed)
+    images = [(image, (lines / image) ** 4) for m in (1, 2) for image in (m * rate - lines, m * rate + lines)]
+    worst = 0.0
+    for name, model in side.models.items():
+        own, *others = (
+            np.abs(state_response(model, side.readout[name], side.feedthrough[name], side.lags, frequency))
+            for frequency in (lines, *(image for image, _ in images))
+        )
+        added = sum(other * height for other, (_, height) in zip(others, images, strict=True))
+        worst = max(worst, float(np.max((own * added) @ density / (own**2 @ density))))
+    return worst
 
 
 def _groups(plan: Plan) -> list[tuple[str, tuple[str, ...]]]:
@@ -465,24 +482,26 @@ def tolerance(plan: Plan) -> NDArray[np.float64]:
     return np.array([[SOLVER_TOLERANCE[integrator_of(plan, model)]] for model in MODELS])
 
 
-def _stacked(prepared: _Prepared, names: tuple[str, ...]) -> tuple[StateSpace, NDArray, NDArray]:
+def _stacked(prepared: Prepared, names: tuple[str, ...]) -> tuple[StateSpace, NDArray, NDArray]:
     model = stack([prepared.side.models[name] for name in names])
     start = np.vstack([prepared.start[name] for name in names])
     return model, start, np.concatenate([prepared.size[name] for name in names])
 
 
-def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, NDArray, dict[str, str]]:
+def run_records(plan: Plan, prepared: Prepared, progress: Progress) -> tuple[NDArray, NDArray, dict[str, str]]:
     """Mean squares [model, series, record], all responses of the first record [model, series, m], and failures."""
     kept = prepared.track.samples // prepared.stride
     records = prepared.track.coefficients.shape[2]
-    squares = np.full((len(MODELS), SERIES_COUNT, records), np.nan)
-    responses = np.full((len(MODELS), SERIES_COUNT, kept), np.nan)
+    count = len(prepared.side.readout[MODELS[0]])
+    squares = np.full((len(MODELS), count, records), np.nan)
+    responses = np.full((len(MODELS), count, kept), np.nan)
     failures: dict[str, str] = {}
     waiting = _groups(plan)
     while waiting:
         integrator, names = waiting.pop(0)
         model, start, size = _stacked(prepared, names)
         rows = block_diag(*(prepared.side.readout[name] for name in names))
+        feedthrough = np.vstack([prepared.side.feedthrough[name] for name in names])
         at = [MODELS.index(name) for name in names]
         total = np.zeros((len(rows), records))
         done = 0
@@ -491,9 +510,9 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
                 for block in integrate(
                     integrator, model, prepared.track, start, size, prepared.stride, prepared.accuracy, progress
                 ):
-                    y = rows @ block
+                    y = rows @ block + feedthrough @ _kept_heights(prepared, done, len(block))
                     total += np.square(y).sum(axis=0)
-                    responses[at, :, done : done + len(y)] = y[..., 0].T.reshape(len(at), SERIES_COUNT, len(y))
+                    responses[at, :, done : done + len(y)] = y[..., 0].T.reshape(len(at), count, len(y))
                     done += len(y)
         except NumericalError as fault:
             responses[at] = np.nan
@@ -502,5 +521,11 @@ def _run(plan: Plan, prepared: _Prepared, progress: Progress) -> tuple[NDArray, 
             else:
                 failures[names[0]] = str(fault)
         else:
-            squares[at] = (total / kept).reshape(len(at), SERIES_COUNT, records)
+            squares[at] = (total / kept).reshape(len(at), count, records)
     return squares, responses, failures
+
+
+def _kept_heights(prepared: Prepared, first: int, count: int) -> NDArray[np.float64]:
+    """Track heights at the kept samples of the period from the `first`: [count, wheels, records], m."""
+    track, stride = prepared.track, prepared.stride
+    return track.at_steps(track.before + first * stride, count * stride)[::stride]

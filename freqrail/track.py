@@ -74,6 +74,9 @@ Spectrum = RationalSpectrum | TabulatedSpectrum
 GERMAN_CUTOFFS = (0.0206, 0.8246)
 GERMAN_ROUGHNESS = {"german-low": 4.032e-7, "german-high": 1.080e-6}
 
+GERMAN_WAVELENGTHS = (1.0, 120.0)
+"""Wavelengths in m that the field computes with the German spectra; beyond them eq. (11) extrapolates measurements."""
+
 
 def wavenumber_psd(spectrum: Spectrum, wavenumber: Number) -> Number:
     """S_v in m^2/(rad/m), one-sided, at `wavenumber` in rad/m (eq. 11, or the table)."""

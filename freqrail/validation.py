@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, create_model
 
 from freqrail.casefile import CONTACTS, sections
+from freqrail.criteria import CRITERIA
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import Axis, Quantity, given, parse_axis, parse_pair, parse_quantity
 from freqrail.track import GERMAN_ROUGHNESS
@@ -81,6 +82,26 @@ def _check_points(value: object) -> list[dict[str, Quantity]]:
     return list(points.values())
 
 
+def _check_accepted(value: object) -> dict[str, tuple[float, float]]:
+    """The ranges that a case takes in place of the usual ones. Raises ValueError with one argument a fault."""
+    if not isinstance(value, dict):
+        raise ValueError(f"a table is due, such as radius_of_gyration = [0.5, 2.5] {given(value)}")
+    accepted: dict[str, tuple[float, float]] = {}
+    faults: list[str] = []
+    for name, ends in value.items():
+        if name not in CRITERIA:
+            faults.append(f"unknown warning {name!r}{suggestion(name, CRITERIA)}")
+        elif not (isinstance(ends, list) and len(ends) == 2 and all(type(end) in (int, float) for end in ends)):
+            faults.append(f"{name}: two numbers are due, as in {name} = {list(CRITERIA[name].usual)} {given(ends)}")
+        elif not 0 <= ends[0] < ends[1]:  # nan too
+            faults.append(f"{name}: the first number must be less than the second, none below 0 {given(ends)}")
+        else:
+            accepted[name] = (float(ends[0]), float(ends[1]))
+    if faults:
+        raise ValueError(*faults)
+    return accepted
+
+
 @cache
 def model() -> Any:
     """The pydantic model of a whole case file, its tables built from the table of names."""
@@ -94,7 +115,7 @@ def model() -> Any:
     vehicle |= {name: (_quantity_field(name), None) for name in CONTACTS}
     empty: Any = None
     tables = {
-        "vehicle": (table("Vehicle", masses=(Literal["half"], ...), **vehicle), ...),
+        "vehicle": (table("Vehicle", masses=(Literal["half", "whole"], ...), **vehicle), ...),
         "track": (
             table(
                 "Track",
@@ -112,6 +133,7 @@ def model() -> Any:
         "sweep": (table("Sweep", **{n: (_axis_field(n), None) for n in (*SWEEPABLE, "frequency")}), empty),
         "confirm": (table("Confirm", points=(Annotated[list, PlainValidator(_check_points)], ())), None),
     }
+    tables["accepted"] = (Annotated[dict, PlainValidator(_check_accepted)], {})
     for name in ("sweep", "confirm"):
         model = tables[name][0]
         tables[name] = (model, model())
@@ -129,7 +151,7 @@ def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
     at = tuple(str(part) for part in error["loc"])
     key = at[-1]
     place = where(*at)
-    tables = (*sections(), "sweep", "confirm")
+    tables = (*sections(), "sweep", "confirm", "accepted")
     got = given(error["input"])
     kind = error["type"]
     if kind == "value_error":
@@ -152,7 +174,10 @@ def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
         wanted = error["input"] if isinstance(error["input"], str) else ""
         line = f"{place}: unknown spectrum{suggestion(wanted, SPECTRA)} {got}"
     elif kind == "literal_error":
-        line = f'{place}: must be "half": masses and inertias are half of the whole {got}'
+        line = (
+            f'{place}: must be "half" (masses, inertias, springs and dampers of one side) or "whole" (of both sides) '
+            f"{got}"
+        )
     elif kind in ("model_type", "model_attributes_type"):
         line = f"{file}: [{key}]: must be a table {got}"
     elif kind == "string_type":

@@ -39,8 +39,9 @@ class Vehicle:
     broadcast against each other, which is how one object carries a whole grid of vehicles.
 
     Units: masses kg, pitch inertias kg m^2, stiffnesses N/m, dampings N s/m, lengths m.
-    `primary_stiffness` and `primary_damping` are per axle, `secondary_*` per bogie; a joint
-    stiffness is that of each of the damper's two joints, `inf` for a rigid one.
+    The half vehicle is one side of the vehicle: half of the masses and inertias, and of the suspension what stands on
+    that side. `primary_stiffness` and `primary_damping` are those of one side of one axle, `secondary_*` those of one
+    side of one bogie; a joint stiffness is that of each of the damper's two joints, `inf` for a rigid one.
     """
 
     car_body_mass: Number

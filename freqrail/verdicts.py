@@ -1,4 +1,4 @@
-"""What a simulation says of a number: intervals and verdicts. Plain statistics, of no model in particular.
+"""What the checks of a confirmation say: intervals and verdicts. Plain statistics, of no model in particular.
 
 A mean square of N Gaussian records of length T is chi-square with nu = 2 B T N degrees of freedom, where
 B = (int G_y df)^2 / int G_y^2 df is the response's bandwidth (J. S. Bendat, A. G. Piersol, Random Data, 4th ed.,
@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from freqrail.realisation import Lines
 
 CONFIDENCE = 0.95  # of the intervals that are reported
 FAMILY_CONFIDENCE = 0.999  # of the intervals that decide, all checks of a run together
 
-VERDICTS = ("confirmed", "outside", "failed")
-"""Meaning of the verdicts 0, 1, 2: the number stands; it does not; there was nothing to compare."""
+VERDICTS = ("confirmed", "outside", "failed", "not_checked")
+"""Meaning of the verdicts 0 to 3: the number stands; it does not; the simulation failed; nothing to compare with."""
+
+CONFIRMED, OUTSIDE, FAILED, NOT_CHECKED = range(len(VERDICTS))
 
 
 def degrees_of_freedom(power: NDArray[np.float64], lines: Lines, records: int) -> NDArray[np.float64]:
@@ -36,7 +38,8 @@ def interval(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Limits between which the true RMS lies with `confidence`, given the pooled RMS of Gaussian records."""
     tail = (1 - confidence) / 2
-    return pooled * np.sqrt(degrees / chi2.isf(tail, degrees)), pooled * np.sqrt(degrees / chi2.ppf(tail, degrees))
+    # chdtri: the chi-square that is exceeded with a probability
+    return pooled * np.sqrt(degrees / chdtri(degrees, tail)), pooled * np.sqrt(degrees / chdtri(degrees, 1 - tail))
 
 
 def simultaneous(checks: int) -> float:
@@ -44,9 +47,16 @@ def simultaneous(checks: int) -> float:
     return 1 - (1 - FAMILY_CONFIDENCE) / checks  # Bonferroni: holds however the checks depend on each other
 
 
-def solver_verdicts(error: NDArray[np.float64], tolerance: NDArray[np.float64]) -> NDArray[np.int8]:
-    """Whether the simulated RMS is that of its own line spectrum, see `VERDICTS`; arrays broadcast."""
-    return _verdicts(error <= tolerance, error)
+def tolerance_verdicts(
+    difference: NDArray[np.float64], tolerance: NDArray[np.float64], missing: int = NOT_CHECKED
+) -> NDArray[np.int8]:
+    """Whether relative differences are within their tolerance, see `VERDICTS`; arrays broadcast.
+
+    missing: the verdict of a difference that is no number; a tolerance that is none leaves nothing to check either.
+    """
+    verdict = np.where(np.abs(difference) <= tolerance, CONFIRMED, OUTSIDE)
+    verdict = np.where(np.isnan(tolerance), NOT_CHECKED, verdict)
+    return np.where(np.isnan(difference), missing, verdict).astype(np.int8)
 
 
 def statistical_verdicts(
@@ -57,8 +67,6 @@ def statistical_verdicts(
     checks: statistical checks of the whole run, which share FAMILY_CONFIDENCE.
     """
     low, high = interval(pooled, degrees, simultaneous(checks))
-    return _verdicts((low <= reference) & (reference <= high), pooled * reference)
-
-
-def _verdicts(stands: NDArray[np.bool_], number: NDArray[np.float64]) -> NDArray[np.int8]:
-    return np.where(np.isfinite(number), np.where(stands, 0, 1), 2).astype(np.int8)
+    verdict = np.where((low <= reference) & (reference <= high), CONFIRMED, OUTSIDE)
+    verdict = np.where(np.isfinite(reference), verdict, NOT_CHECKED)
+    return np.where(np.isfinite(pooled), verdict, FAILED).astype(np.int8)

@@ -74,6 +74,36 @@ def refuses(arguments: list[str], exit_code: int, words: str | list[str], capsys
     assert line.isprintable()
 
 
+def without_override() -> None:
+    """In a child: root obeys the mode bits of files as everyone does."""
+    for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+        ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
+
+
+def process(*arguments: str, stdout: int = subprocess.PIPE, **options: object) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-m", "freqrail", *arguments],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=120,
+        **options,
+    )
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def fails(done: subprocess.CompletedProcess[str], exit_code: int, words: str) -> None:
+    assert done.returncode == exit_code
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("freqrail: error: ")
+    assert words in line
+
+
+linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="drops a capability of Linux")
+
+
 # --- case files, exit 2 ----------------------------------------------------------------------------
 
 # contents, and words that the message holds
@@ -139,16 +169,18 @@ def test_what_is_no_case_file_at_all(case, words, here, capsys):
 )
 def test_a_joint_of_5_newtons_a_metre_is_warned_of_and_computed_as_far_as_it_can_be(joint, exit_code, here, capsys):
     """Behind such a primary joint the bogies pitch with a damping ratio of 5e-12, for 120 years: double precision
-    places no node on that peak to 1e-6, and no number is better than a wrong one. The traditional model has them all.
+    places no node on that peak to 1e-6, and no number is better than a wrong one. What does not feel the bogies pitch
+    has its numbers, and the traditional model has them all.
     """
     assert run([*SWEEP, *over(**{joint: "5 N/m"}), "-o", "soft.nc"]) == exit_code
     lines = told(capsys)
     assert lines[0].startswith(f"freqrail: warning: --over {joint}: 5 N/m is ")
     assert "below 0.01: the damper hardly acts; check the unit" in lines[0]
-    assert len(lines) == (1 if exit_code == 0 else 2)
+    assert len(lines) == (1 if exit_code == 0 else 3)  # and such a bogie's wheels leave the rail
     result = freqrail.open_result("soft.nc")
-    assert np.isfinite(result.bogie_acceleration_rms).all() == (exit_code == 0)
-    assert np.isfinite(result.traditional_bogie_acceleration_rms).all()
+    assert np.isfinite(result.primary_stroke_rms).all() == (exit_code == 0)
+    for name in ("bogie_acceleration_rms", "traditional_bogie_acceleration_rms", "traditional_primary_stroke_rms"):
+        assert np.isfinite(result[name]).all()
 
 
 def test_millinewtons_are_warned_of(here, capsys):
@@ -189,7 +221,7 @@ USAGE = {
     "unknown name in --set": ([*SWEEP, "--set", "bogie_mas=1 kg"], "unknown name (did you mean bogie_mass?)"),
     "unknown name in --over": ([*SWEEP, "--over", "sped=1 km/h"], "unknown name (did you mean speed?)"),
     "unknown name in --at": (["show", "intact.nc", "--at", "sped=1 km/h"], "unknown name (did you mean speed?)"),
-    "off the grid in --at": (["show", "intact.nc", "--at", "speed=240 km/h"], "the nearest value is 250 km/h"),
+    "off the grid in --at": (["show", "intact.nc", "--at", "bogie_mass=3 t"], "is not swept, the case has 600 kg"),
     "plot format": (["plot", "none.nc", "--format", "gif"], "'gif' is not one of 'png', 'svg', 'pdf'"),
     "no output name": ([*SWEEP, "-o", ""], "-o: the name is empty"),
     "output without .nc": ([*SWEEP, "-o", "out"], 'the name of a NetCDF file ends in ".nc"; did you mean out.nc?'),
@@ -205,6 +237,15 @@ USAGE = {
         [*SWEEP, "--psd", *over(speed="lin:1:600:5000 km/h", primary_joint_stiffness="lin:1:9:5000 MN/m")],
         "the result is too large for this disk",
     ),
+    "a grid of more points than there are numbers": (
+        [
+            *SWEEP,
+            *over(**{f"{body}_mass": "lin:100:1000:3000000 kg" for body in ("car_body", "bogie", "wheelset")}),
+        ],
+        "--over car_body_mass: the axes span 2.7e+19 points, more than can be counted (limit 9.22e+18)",
+    ),
+    "a dask address without its host": ([*SWEEP, "--dask", "tcp://"], 'as in tcp://HOST:8786, is due (got "tcp://")'),
+    "an empty dask address": ([*SWEEP, "--dask", ""], 'as in tcp://HOST:8786, is due (got "")'),
     "--set of a swept name": ([*SWEEP, "--set", "speed=9 km/h"], 'give it one value with --over "speed=9 km/h"'),
     "--set twice": ([*SWEEP, "--set", "bogie_mass=1 t", "--set", "bogie_mass=2 t"], "given twice; give it once"),
     "--over twice": ([*SWEEP, "--over", "speed=1 km/h", "--over", "speed=2 km/h"], "given twice; give it once"),
@@ -255,46 +296,145 @@ def test_bad_usage_is_one_line_and_exit_2(row, here, intact, capsys, monkeypatch
     assert {path.name: path.read_bytes() for path in here.iterdir()} == before
 
 
-def test_a_value_left_out_that_is_off_the_grid_is_named_with_the_value_to_give(here, capsys):
-    assert run([*SWEEP, *over(speed="100, 240 km/h"), "-o", "off.nc"]) == 0
+# --- quantities beyond their range, exit 2 -------------------------------------------------------------
+
+RANGES = {
+    "car_body_mass": ("1e-300 kg", "1e300 kg", "must be from 0.01 to 1e+11 kg"),
+    "car_body_pitch_inertia": ("1e-300 kg*m^2", "1e300 kg*m^2", "must be from 0.1 to 1e+13 kg*m^2"),
+    "bogie_mass": ("1e-300 kg", "1e300 kg", "must be from 0.001 to 1e+10 kg"),
+    "bogie_pitch_inertia": ("1e-300 kg*m^2", "1e300 kg*m^2", "must be from 0.001 to 1e+10 kg*m^2"),
+    "wheelset_mass": ("1e-300 kg", "1e300 kg", "must be from 0.001 to 1e+10 kg"),
+    "primary_stiffness": ("1e-300 N/m", "1e300 N/m", "must be from 0.0001 to 1e+10 kN/m"),
+    "primary_damping": ("1e-300 N*s/m", "1e300 N*s/m", "must be 0, or from 1e-06 to 1e+08 kN*s/m"),
+    "secondary_stiffness": ("1e-300 N/m", "1e300 N/m", "must be from 0.0001 to 1e+10 kN/m"),
+    "secondary_damping": ("1e-300 N*s/m", "1e300 N*s/m", "must be 0, or from 1e-06 to 1e+08 kN*s/m"),
+    "half_bogie_spacing": ("1e-300 m", "1e300 m", "must be from 1e-06 to 1e+07 m"),
+    "half_wheelbase": ("1e-300 m", "1e300 m", "must be from 1e-06 to 1e+07 m"),
+    "contact_constant": ("1e-300 m/N^(2/3)", "1e300 m/N^(2/3)", "must be from 1e-14 to 0.1 m/N^(2/3)"),
+    "contact_stiffness": ("1e-300 N/m", "1e300 N/m", "must be from 1e-07 to 1e+07 GN/m"),
+    "frequency": ("1e-300:100 Hz", "0.1:1e300 Hz", "must be from 1e-08 to 1e+10 Hz"),
+    "wavelength": ("1e-300:100 m", "1:1e300 m", "must be from 1e-08 to 1e+09 m"),
+}
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_a_value_beyond_all_vehicles_is_refused_with_the_range(name, here, capsys):
+    *values, words = RANGES[name]
+    for value in values:
+        refuses(
+            [*SWEEP, "--set", f"{name}={value}"],
+            2,
+            [f"--set {name}: {words} (got ", "e300" if "e300" in value else "e-300"],
+            capsys,
+        )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--over", "speed=1e-300, 250 km/h"], "--over speed: must be from 1e-05 to 600 km/h"),
+        (["--over", "primary_joint_stiffness=5, 1e300, inf N/m"], "must be from 1e-06 to 1e+08 MN/m"),
+        (["--over", "primary_damping=0, 1e-300, 17 N*s/m"], "must be 0, or from 1e-06 to 1e+08 kN*s/m"),
+        (["--over", "secondary_stiffness=log:1:1e300:3 N/m"], "must be from 0.0001 to 1e+10 kN/m"),
+        (["--over", "bogie_mass=1e-300, 600 kg"], "--over bogie_mass: must be from 0.001 to 1e+10 kg"),
+    ],
+)
+def test_so_is_a_value_of_an_axis(arguments, words, here, capsys):
+    refuses([*SWEEP, *arguments], 2, words, capsys)
+
+
+def test_so_is_a_track_beyond_all_tracks(here, capsys):
+    track = ["--set", "spectrum=rational", "--set", "roughness=4e-7 m^2*rad/m"]
+    refuses([*SWEEP, *track, "--set", "cutoffs=1e-300:0.8 rad/m"], 2, "must be from 1e-09 to 1e+07 rad/m", capsys)
+    track[-1] = "roughness=1e-300 m^2*rad/m"
+    refuses([*SWEEP, *track, "--set", "cutoffs=0.02:0.8 rad/m"], 2, "must be from 1e-14 to 10 m^2*rad/m", capsys)
+
+
+@pytest.mark.parametrize(
+    "value", ["car_body_mass=0.01 kg", "primary_stiffness=0.0001 kN/m", "primary_damping=0 N*s/m", "bogie_mass=1e10 kg"]
+)
+def test_the_ends_of_a_range_and_no_damper_are_inside(value, here, capsys):
+    assert run(["show", "yu-damper-joint", "--set", value]) == 0
+
+
+@pytest.mark.parametrize("joint", ["1 N/m", "1e8 MN/m", "inf"])
+def test_so_are_the_softest_joint_and_the_rigid_one(joint, here, capsys):
+    assert run(["show", "yu-damper-joint", "--set", f"primary_joint_stiffness={joint}"]) == 0
+
+
+# --- what is no regular file, exit 2 ------------------------------------------------------------------
+
+IRREGULAR = {
+    "a pipe as a case": (["sweep", "pipe"], "pipe: is not a regular file"),
+    "a pipe as a case to show": (["show", "pipe"], "pipe: is not a regular file"),
+    "a pipe as a result": (["plot", "pipe.nc"], "pipe.nc: is not a regular file"),
+    "a pipe as a result to check": (["show", "pipe.nc", "--check"], "pipe.nc: is not a regular file"),
+    "a pipe as an output": ([*SWEEP, "-o", "pipe.nc", "--overwrite"], "pipe.nc: is not a regular file"),
+    "a device as a result": (["show", "device.nc"], "device.nc: is not a regular file"),
+    "a file of /proc as a case": (["show", "/proc/self/mem"], "/proc/self/mem: is empty"),
+    "a file of /proc as a result": (["plot", "/proc/self/mem"], "/proc/self/mem: is not a NetCDF file (it is empty)"),
+    "the kernel's log as a case": (["sweep", "/proc/kmsg"], "/proc/kmsg: "),
+    "the kernel's log as a result": (["plot", "/proc/kmsg"], "/proc/kmsg: "),
+    "a dangling link as an output": ([*SWEEP, "-o", "dangling.nc"], "dangling.nc: exists already"),
+}
+
+
+@linux
+@pytest.mark.parametrize("row", IRREGULAR)
+def test_what_is_no_regular_file_is_refused_at_once(row, here):
+    os.mkfifo("pipe")
+    os.mkfifo("pipe.nc")
+    Path("device.nc").symlink_to("/dev/zero")
+    Path("dangling.nc").symlink_to("nowhere.nc")
+    before = sorted(here.iterdir())
+    arguments, words = IRREGULAR[row]
+    fails(process(*arguments), 2, words)
+    assert sorted(here.iterdir()) == before
+
+
+# --- folders that hold what the command did not write, exit 2 ------------------------------------------
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("command", [["replicate", "--quick"], ["plot", "intact.nc"]], ids=lambda words: words[0])
+def test_a_folder_with_a_user_s_pictures_is_left_alone(command, here, intact, capsys, monkeypatch):
+    monkeypatch.delattr(grid, "solve")
+    shutil.copy(intact, "intact.nc")
+    Path("mine").mkdir()
+    for name in ("thesis-figure.png", "logo.svg"):
+        Path("mine", name).write_bytes(OLD)
+    before = contents(here)
+    refuses([*command, "-o", "mine"], 2, "mine: holds what this command did not write (logo.svg, thesis-figure", capsys)
+    assert contents(here) == before
+
+
+def test_a_folder_of_plot_is_none_of_replicate_s(here, intact, capsys, monkeypatch):
+    assert run(["plot", str(intact), "-o", "figures"]) == 0
+    capsys.readouterr()
+    monkeypatch.delattr(grid, "solve")
+    before = contents(here)
+    refuses(["replicate", "-o", "figures"], 2, "figures: is a folder of another command (freqrail plot)", capsys)
+    assert contents(here) == before
+
+
+def test_plots_are_drawn_anew_into_their_own_folder_but_not_over_a_figure_that_was_touched_up(here, intact, capsys):
+    for file_format in ("svg", "svg", "png"):
+        assert run(["plot", str(intact), "-o", "figures", "--format", file_format]) == 0
+    touched = sorted(Path("figures").glob("*.svg"))[0]
+    touched.write_bytes(touched.read_bytes() + b"<!-- arrows by hand -->")
+    before = contents(here)
     capsys.readouterr()
     words = (
-        'case\'s own value "250 km/h" is off the grid; the nearest value is 240 km/h: name it, as in "speed=240 km/h"'
+        f"figures: holds files that were changed since this command wrote them ({touched.name}); move them elsewhere"
     )
-    refuses(["show", "off.nc", "--at", "primary_joint_stiffness=5 MN/m"], 2, words, capsys)
+    refuses(["plot", str(intact), "-o", "figures"], 2, words, capsys)
+    assert contents(here) == before
 
 
 # --- input and output, exit 4 ----------------------------------------------------------------------
-
-
-def without_override() -> None:
-    """In a child: root obeys the mode bits of files as everyone does."""
-    for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
-        ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
-
-
-def process(*arguments: str, stdout: int = subprocess.PIPE, **options: object) -> subprocess.CompletedProcess[str]:
-    """The command in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-m", "freqrail", *arguments],
-        stdout=stdout,
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=120,
-        **options,
-    )
-    assert "Traceback" not in done.stderr
-    return done
-
-
-def fails(done: subprocess.CompletedProcess[str], exit_code: int, words: str) -> None:
-    assert done.returncode == exit_code
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("freqrail: error: ")
-    assert words in line
-
-
-linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="drops a capability of Linux")
 
 
 @linux
@@ -499,11 +639,12 @@ def test_a_url_is_not_fetched(url, here, capsys):
 
 def test_a_result_without_a_single_number_is_shown_but_not_plotted(here, capsys):
     """As sweep writes it: NaN with a status."""
-    undamped = ["--set", "primary_damping=0 N*s/m", *over(speed="200, 250 km/h")]
+    still = ["--set", "primary_damping=0 N*s/m", "--set", "secondary_damping=0 N*s/m"]
+    undamped = [*still, *over(speed="200, 250 km/h")]
     assert run([*SWEEP, *undamped, "-o", "nan.nc"]) == 3
     capsys.readouterr()
     assert run(["show", "nan.nc"]) == 0
-    assert "2 of 2 grid points have no result (2 undamped)" in capsys.readouterr().out
+    assert "2 of 2 grid points lack results (2 undamped)" in capsys.readouterr().out
     refuses(["plot", "nan.nc"], 2, "plot: no grid point has a result", capsys)
 
 
@@ -552,7 +693,7 @@ def test_the_child_has_a_limit_on_its_memory(here, capsys, monkeypatch):
 NUMERICAL = {
     "an undamped mode": ({}, ["--set", "primary_damping=0 N*s/m"], "undamped"),
     "a resonance too narrow": ({"primary_joint_stiffness": "5 N/m"}, [], "unresolved_peak"),
-    "numbers that overflow": ({}, ["--set", "wheelset_mass=1e-300 kg", "--set", "band=none"], "failed"),
+    "lags that need nodes without number": ({}, ["--set", "half_bogie_spacing=1e7 m"], "failed"),
 }
 
 
@@ -562,13 +703,14 @@ def test_what_cannot_be_computed_is_counted_and_its_first_point_named(row, here,
     axes, settings, status = NUMERICAL[row]
     assert run([*SWEEP, *over(**{"speed": "200, 250 km/h", **axes}), *settings, "-o", "nan.nc"]) == 3
     errors = [line for line in told(capsys) if line.startswith("freqrail: error: ")]
-    assert errors[0].startswith("freqrail: error: nan.nc: model with damper joints: 2 of 2 grid points have no result")
+    assert errors[0].startswith("freqrail: error: nan.nc: model with damper joints: 2 of 2 grid points lack results")
     assert f"(2 {status}); the first at " in errors[0]
     assert "speed=200 km/h" in errors[0]
     result = freqrail.open_result("nan.nc")
     meanings = result.status.attrs["flag_meanings"].split()
     assert {meanings[int(k)] for k in result.status.values.ravel()} == {status}
-    assert np.isnan(result[RMS]).all()
+    assert np.isnan(result.primary_stroke_rms).all()
+    assert np.isnan(result[RMS]).all() == (status == "failed")  # which does not feel the bogies pitch
 
 
 def test_no_case_file_makes_an_unstable_model(here, capsys):

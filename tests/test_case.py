@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 import freqrail
 from freqrail import case as case_module
 from freqrail.case import Case, build_case, load_case
-from freqrail.casefile import shipped_cases, to_toml
+from freqrail.casefile import to_toml
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE
+from freqrail.shipped import shipped_cases
 from freqrail.track import Band, RationalSpectrum
 
 ROOT = Path(__file__).parent.parent
@@ -345,7 +346,7 @@ FAULTS = {
     "unknown table like none": (
         PLAIN + "[zzz]\n",
         "[zzz]",
-        "unknown table (known: vehicle, track, operation, band, sweep, confirm)",
+        "unknown table (known: vehicle, track, operation, band, sweep, confirm, accepted)",
     ),
     "unknown key in track": (
         put("track", "colour", '"red"'),
@@ -375,10 +376,10 @@ FAULTS = {
         "missing; write it as in schema_version = 1",
     ),
     "missing table": (drop("track"), "[track]", "this table is missing"),
-    "masses of the whole": (
-        put("vehicle", "masses", '"whole"'),
+    "masses of neither": (
+        put("vehicle", "masses", '"hole"'),
         "[vehicle].masses",
-        'must be "half": masses and inertias are half of the whole (got "whole")',
+        'must be "half" (masses, inertias, springs and dampers of one side) or "whole" (of both sides) (got "hole")',
     ),
     "version 2": (
         put("", "schema_version", "2"),
@@ -800,10 +801,10 @@ def test_an_unreadable_file(tmp_path, monkeypatch):
     path = tmp_path / "study.toml"
     path.write_text(PLAIN)
 
-    def refuse(self: Path) -> bytes:
-        raise PermissionError(13, "Permission denied", str(self))
+    def refuse(path: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(Path, "read_bytes", refuse)  # to root every file is readable
+    monkeypatch.setattr("freqrail.files.read", refuse)  # to root every file is readable
     assert refusal(lambda: load_case(path)) == (f"{path}: cannot be read: Permission denied",)
 
 
@@ -998,21 +999,45 @@ def test_soft_joints_are_warned_of(text, over, words):
 def test_settings_change_scalars_and_over_changes_axes():
     case = build_case(
         drop("sweep"),
-        {"bogie_mass": "650 kg", "vehicle.wheelset_mass": "0.8 t", "operation.speed": "200 km/h", "title": "new"},
-        {"speed": "100, 200 km/h", "bogie_mass": "600, 650 kg"},
+        {"car_body_mass": "16 t", "vehicle.wheelset_mass": "0.8 t", "operation.speed": "200 km/h", "title": "new"},
+        {"half_wheelbase": "0.8, 1 m", "bogie_mass": "600, 650 kg"},
     )
-    assert case.quantities["bogie_mass"].value == 650
+    assert case.quantities["car_body_mass"].value == 16000
     assert case.quantities["wheelset_mass"].value == 800
     assert case.speed == 200 * 5 / 18
     assert case.title == "new"
-    assert [axis.name for axis in case.axes] == ["speed", "bogie_mass"]
+    assert [axis.name for axis in case.axes] == ["half_wheelbase", "bogie_mass"]
 
 
-def test_settings_come_before_over():
-    """Were --over first, speed would be swept by the time it is set, which is refused."""
-    case = build_case(drop("sweep"), {"speed": "90 km/h"}, {"speed": "90, 100 km/h"})
-    assert case.speed == 25.0
-    assert case.axes[0].values.tolist() == [90.0, 100.0]
+@pytest.mark.parametrize(
+    ("settings", "over", "problem"),
+    [
+        (
+            {"speed": "90 km/h"},
+            {"speed": "90, 100 km/h"},
+            "--over speed: excludes --set speed; give one of the two",
+        ),
+        (
+            {"vehicle.bogie_mass": "650 kg"},
+            {"sweep.bogie_mass": "600, 700 kg"},
+            "--over sweep.bogie_mass: excludes --set vehicle.bogie_mass; give one of the two",
+        ),
+        (
+            {"contact_constant": "5e-8 m/N^(2/3)"},
+            {"contact_stiffness": "1, 1.2 GN/m"},
+            "--over contact_stiffness: excludes --set contact_constant; give one of the two",
+        ),
+    ],
+)
+def test_a_quantity_is_set_or_swept_but_not_both(settings, over, problem):
+    """Whichever was applied last, the other would be ignored in silence."""
+    assert problem in refusal(lambda: build_case(drop("sweep"), settings, over))
+
+
+def test_the_band_may_be_set_beside_the_frequencies_of_spectra():
+    case = build_case(PLAIN, {"frequency": "0.5:80 Hz"}, {"frequency": "1, 2 Hz"})
+    assert (case.band.low, case.band.high) == (0.5, 80)
+    assert case.frequency.values.tolist() == [1, 2]
 
 
 def test_over_replaces_an_axis_in_its_place_and_adds_new_ones_last():
@@ -1064,7 +1089,17 @@ SETTINGS = {
     ),
     "a reversed band": ({"frequency": "100:1 Hz"}, "--set frequency: the lower limit must be below the upper one"),
     "an unknown spectrum": ({"spectrum": "german"}, "--set spectrum: unknown spectrum (did you mean german-low?)"),
-    "masses of the whole": ({"masses": "whole"}, '--set masses: must be "half"'),
+    "masses of neither": ({"masses": "hole"}, '--set masses: must be "half" (masses'),
+    "values of a swept name that no axis takes": (
+        {"primary_joint_stiffness": "10, 5 MN/m"},
+        'give it one value with --over "primary_joint_stiffness=5 MN/m"',
+    ),
+    "values of an axis that no axis takes": (
+        {"sweep.speed": "fast"},
+        '--set sweep.speed: an axis is replaced with --over "speed=250 km/h"',
+    ),
+    "an axis of spectra": ({"sweep.frequency": "1, 2 Hz"}, 'is replaced with --psd --over "frequency=1, 2 Hz"'),
+    "an axis that there is not": ({"sweep.sped": "1 km/h"}, "--set sweep.sped: unknown name (did you mean speed?)"),
     "a roughness": ({"roughness": "1e-7 m^2*rad/m"}, '--set roughness: belongs to spectrum = "rational" only'),
     "text that no file can hold": ({"title": "\udc80"}, "--set title: holds a NUL or another character"),
     "a number for a title": ({"title": 5}, "--set title: text is due (got 5)"),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import random
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -99,6 +102,72 @@ def test_a_scheduler_that_is_not_there_is_one_line(here, capsys, monkeypatch):
     assert "tcp://127.0.0.1:9: no scheduler with a worker answers within 0.5 s" in told[0]
     assert "dask scheduler" in told[0]
     assert not list((here / "results").iterdir())
+
+
+MALFORMED = ["tcp://", "tcp://127.0.0.1", "tcp://127.0.0.1:99999", "tcp://h:0", "tcp://h:x", "tcp://a:1,tcp://b:2"]
+MALFORMED += ["tcp://user@h:1", f"tcp://{'a' * 300}:1", "tcp://\udcff:1", "tcp://h:1/x", "", "tcp://h:1\n"]
+
+
+@pytest.mark.parametrize("address", MALFORMED)
+def test_a_malformed_address_is_one_line(address, here, capsys):
+    assert cli.run(["sweep", "yu-damper-joint", "--dask", address]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "as in tcp://HOST:8786, is due (got " in line
+
+
+def silent(client: socket.socket) -> None:
+    time.sleep(60)
+
+
+def http(client: socket.socket) -> None:
+    client.sendall(b"HTTP/1.0 400 Bad Request\r\n\r\n")
+
+
+def garbage(client: socket.socket) -> None:
+    client.sendall(random.Random(1).randbytes(5000))
+    time.sleep(60)
+
+
+def zeros(client: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while True:
+            client.sendall(bytes(1000))
+
+
+@pytest.mark.parametrize("answer", [silent, http, garbage, zeros])
+def test_what_answers_and_is_no_scheduler_is_one_line_within_15_s(answer, here):
+    def serve() -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                threading.Thread(target=answer, args=(server.accept()[0],), daemon=True).start()
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        begun = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-m", "freqrail", "sweep", "yu-damper-joint", "--dask", address],
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert time.perf_counter() - begun < 15
+    assert done.returncode == 4
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"freqrail: error: --dask {address}: no scheduler with a worker answers")
+
+
+def test_tls_without_certificates_is_one_line(here, scheduler):
+    address = scheduler.replace("tcp", "tls")
+    done = subprocess.run(
+        [sys.executable, "-m", "freqrail", "sweep", "yu-damper-joint", "--dask", address],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 4
+    assert done.stderr.startswith(f"freqrail: error: --dask {address}: tls needs certificates")
+    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize("address", ["localhost:8786", "http://x", "somewhere"])

@@ -6,6 +6,7 @@ import errno
 import itertools
 import re
 import sys
+from xml.etree import ElementTree
 
 import matplotlib
 import numpy as np
@@ -14,7 +15,7 @@ from matplotlib.colors import to_hex
 from matplotlib.transforms import Bbox
 
 import freqrail
-from freqrail import figures
+from freqrail import figures, manifest
 from freqrail.errors import FileError, InputError
 from freqrail.points import parse_point
 
@@ -57,7 +58,7 @@ def draw(tmp_path, monkeypatch):
     def drawn(dataset, name=None, at=None):
         found = {}
         with monkeypatch.context() as patch:
-            patch.setattr(figures, "save", lambda figure, target, title: found.setdefault(target.stem, figure))
+            patch.setattr(figures, "save", lambda figure, target, *_: found.setdefault(target.stem, figure))
             if name:  # making the others would only take time
                 patch.setattr(figures, "_drawings", lambda *arguments: {name: every(*arguments)[name]})
             freqrail.plot(dataset, tmp_path / "unused", at=at and parse_point(at))
@@ -95,7 +96,7 @@ def legend_texts(figure):
 def test_every_format_gives_whole_files_and_leaves_nothing_else(speeds_only, tmp_path, format, head):
     paths = freqrail.plot(speeds_only, tmp_path / "figures", format=format)
     assert [path.name for path in paths] == [f"rms-against-speed.{format}"]
-    assert list((tmp_path / "figures").iterdir()) == paths
+    assert {*(tmp_path / "figures").iterdir()} == {*paths, tmp_path / "figures" / manifest.NAME}
     assert paths[0].read_bytes().startswith(head)
 
 
@@ -125,8 +126,8 @@ def test_drawing_leaves_matplotlib_as_it_was_and_needs_no_pyplot(speeds_only, tm
 
 
 def test_a_full_disk_leaves_the_old_figure_and_no_rest(speeds_only, tmp_path, monkeypatch):
-    old = tmp_path / "rms-against-speed.png"
-    old.write_bytes(b"old")
+    (old,) = freqrail.plot(speeds_only, tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 
     def full(self, file, **options):
         file.write_bytes(b"half a fig")
@@ -135,7 +136,8 @@ def test_a_full_disk_leaves_the_old_figure_and_no_rest(speeds_only, tmp_path, mo
     monkeypatch.setattr(figures.Figure, "savefig", full)
     with pytest.raises(FileError, match=r"rms-against-speed\.png: cannot be written: No space left"):
         freqrail.plot(speeds_only, tmp_path)
-    assert [(path, path.read_bytes()) for path in tmp_path.iterdir()] == [(old, b"old")]
+    assert old.name in before
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_only_the_folder_itself_is_made_not_its_parents(speeds_only, tmp_path):
@@ -145,6 +147,15 @@ def test_only_the_folder_itself_is_made_not_its_parents(speeds_only, tmp_path):
     with pytest.raises(FileError, match="file: this folder cannot be made"):
         freqrail.plot(speeds_only, tmp_path / "file")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("character", ["\x1b", "\x07", "\x0b", "\ufffe", "\uffff", "\U0001fffe", "\x85"])
+def test_a_title_of_any_characters_makes_figures_that_xml_readers_take(speeds_only, tmp_path, character):
+    (path,) = freqrail.plot(speeds_only.assign_attrs(title=f"a{character}<&>ü"), tmp_path, format="svg")
+    text = path.read_text(encoding="utf-8")
+    assert character not in text
+    titles = [e.text for e in ElementTree.fromstring(text).iter("{http://purl.org/dc/elements/1.1/}title")]
+    assert titles[0] == f"a{repr(character)[1:-1]}<&>ü"
 
 
 # --- what cannot be drawn --------------------------------------------------------------------------
@@ -167,7 +178,7 @@ def test_a_foreign_dataset_and_an_unknown_format_are_refused(result, tmp_path):
 
 
 def test_without_spectra_the_hint_names_the_command_that_stores_them(result, speeds_only, draw):
-    assert "freqrail sweep yu-damper-joint --psd" in figures.hint(speeds_only)
+    assert "sweep the case anew with --psd" in figures.hint(speeds_only)
     assert list(draw(speeds_only)) == ["rms-against-speed"]
     assert figures.hint(result) is None
 
@@ -195,7 +206,7 @@ JOINT = "primary_joint_stiffness"
         (f"map-speed-{JOINT}", {"responses": "all"}),
         ("psd", {"responses": "bogie_acceleration,primary_stroke"}),
         (f"rms-against-{JOINT}", {JOINT: "0.5, 1, 5, 10, 50, 100, inf MN/m", "speed": "100:300:10 km/h"}),
-        ("map-speed-car_body_pitch_inertia", {"car_body_pitch_inertia": "1000000, 1100000, 1200000 kg*m^2"}),
+        ("map-speed-car_body_pitch_inertia", {"car_body_pitch_inertia": "1000000, 1010000, 1020000 kg*m^2"}),
     ],
 )
 def test_every_axis_has_its_unit_and_nothing_overlaps_or_is_cut_off(draw, name, options):
@@ -297,16 +308,34 @@ def test_the_slice_that_at_names_is_the_one_that_is_drawn(result, draw):
         )
         np.testing.assert_array_equal(values, expected)
     assert np.all(soft[1] > 1.1 * by_default[1])  # a soft secondary joint costs ride
-    with pytest.raises(InputError, match=r"secondary_joint_stiffness.*the nearest value is 5 MN/m"):
-        drawn("secondary_joint_stiffness=3 MN/m")
+    with pytest.raises(InputError, match=r"bogie_mass: is not swept, the case has 600 kg"):
+        drawn("bogie_mass=3 t")
 
 
-def test_a_case_value_off_the_grid_gives_the_nearest_slice_and_the_caption_says_which(draw):
-    dataset = sweep(secondary_joint_stiffness="1, 4 MN/m", responses="bogie_acceleration")
-    figure = draw(dataset, "rms-against-speed-primary_joint_stiffness")
-    assert caption(figure).startswith("$K_{sd}$ = 4 MN/m")
-    expected = front(dataset, "bogie_acceleration", secondary_joint_stiffness=4, primary_joint_stiffness=5)
-    np.testing.assert_array_equal(lines(figure.axes[0])[1].get_ydata(), expected)
+@pytest.mark.parametrize(
+    ("at", "stiffness", "shown"), [(None, "5 MN/m", "5 MN/m"), ("secondary_joint_stiffness=inf", "inf", "∞ (rigid)")]
+)
+def test_a_value_off_the_grid_is_computed_anew_and_the_caption_says_so(draw, at, stiffness, shown):
+    """The case's own 5 MN/m too, of which a logarithmic axis never holds the like."""
+    dataset = sweep(secondary_joint_stiffness="log:1:40:4 MN/m", responses="bogie_acceleration")
+    figure = draw(dataset, "rms-against-speed-primary_joint_stiffness", at)
+    assert caption(figure).startswith(f"$K_{{sd}}$ = {shown} (computed anew)")
+    exact = front(sweep(secondary_joint_stiffness=stiffness), "bogie_acceleration", primary_joint_stiffness=5)
+    np.testing.assert_allclose(lines(figure.axes[0])[1].get_ydata(), exact.squeeze(), rtol=1e-8)
+    assert f"secondary_joint_stiffness = {stiffness} is not on" in figures.note(dataset, at and parse_point(at))
+    drawn_whole = draw(dataset, "rms-against-secondary_joint_stiffness")
+    assert "computed anew" not in caption(drawn_whole)
+
+
+def test_values_are_labelled_with_three_digits_and_with_more_where_they_would_read_alike(draw):
+    dataset = sweep(secondary_joint_stiffness="log:0.7:70:4 MN/m", responses="bogie_acceleration")
+    second = f"secondary_joint_stiffness={dataset.secondary_joint_stiffness.values[1]} MN/m"
+    held = caption(draw(dataset, "rms-against-speed-primary_joint_stiffness", second))
+    assert held.startswith("$K_{sd}$ = 3.25 MN/m,")
+    assert "3.25 MN/m" in legend_texts(draw(dataset, "rms-against-speed-secondary_joint_stiffness"))
+    close = sweep(secondary_joint_stiffness="5.001, 5.002 MN/m", responses="bogie_acceleration")
+    labels = legend_texts(draw(close, "rms-against-speed-secondary_joint_stiffness"))
+    assert {"5.001 MN/m", "5.002 MN/m"} <= set(labels)
 
 
 def test_the_map_has_a_cell_a_grid_point_centred_on_it(result, draw):
@@ -382,10 +411,10 @@ def with_gaps(dataset):
 def test_points_without_a_result_are_gaps_that_the_caption_counts(result, draw):
     drawn = draw(with_gaps(result))
     figure = drawn["rms-against-speed-primary_joint_stiffness"]
-    note = "model with damper joints: 2 of 6 points have no result (gaps)"
+    note = "model with damper joints: 2 of 6 points lack results (gaps)"
     assert caption(figure).split("\n")[1:] == [
         note,
-        "traditional model, rigid damper joints: 1 of 3 points have no result (gaps)",
+        "traditional model, rigid damper joints: 1 of 3 points lack results (gaps)",
     ]
     soft, stiff = lines(figure.axes[0])
     np.testing.assert_array_equal(np.isnan(soft.get_ydata()), (False, True, True))
@@ -395,7 +424,7 @@ def test_points_without_a_result_are_gaps_that_the_caption_counts(result, draw):
     np.testing.assert_array_equal(chart.axes[0].collections[0].get_array().mask[0], (False, True, True))
     assert caption(chart).split("\n")[1:] == [note]
     whole = draw(result, "rms-against-speed-primary_joint_stiffness")
-    assert "no result" not in caption(whole)
+    assert "lack results" not in caption(whole)
 
 
 def test_a_lone_point_between_gaps_shows_even_on_a_line_too_dense_for_markers(draw):

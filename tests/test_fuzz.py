@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from fuzz import cases, files
+from fuzz import cases, extremes, files
 
 from freqrail import quantities
 from freqrail.errors import InputError
@@ -14,6 +14,13 @@ def test_changed_case_files_and_options_are_refused_or_read_right():
     outcomes, faults = cases.fuzz(200, seed=11)
     assert faults == []
     assert min(outcomes[kind] for kind in ("refused", "accepted", "computed")) > 5
+
+
+def test_points_from_anywhere_in_the_ranges_end_with_a_status():
+    outcomes, faults = extremes.fuzz(8, seed=11)
+    assert faults == []
+    assert outcomes.total() == 8
+    assert outcomes["ok"] > 0
 
 
 def test_damaged_results_are_refused_or_the_same(tmp_path):

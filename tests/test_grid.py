@@ -51,12 +51,20 @@ def assert_ok(solution: grid.Solution) -> None:
         assert np.all(errors <= grid.TOLERANCE)
 
 
-def assert_without_result(solution: grid.Solution, where: np.ndarray, status: str) -> None:
-    """No value, no error estimate, no method and the status given where `where` holds, and only there."""
+def assert_without_result(
+    solution: grid.Solution, where: np.ndarray, status: str, names: tuple[str, ...] | None = None
+) -> None:
+    """The status given where `where` holds, no value and no error estimate of the responses named (all) there.
+
+    And only there, nor of any other response; no method where no response has a value.
+    """
     assert np.array_equal(solution.status == grid.STATUS.index(status), where)
-    assert np.array_equal(solution.method == grid.METHOD.index("none"), where)
-    for values in (*solution.rms.values(), *solution.relative_error.values()):
-        assert np.array_equal(np.isnan(values), np.broadcast_to(where, values.shape))
+    everything = names is None or set(names) == set(solution.rms)
+    assert np.array_equal(solution.method == grid.METHOD.index("none"), where & everything)
+    for numbers in (solution.rms, solution.relative_error):
+        for name, values in numbers.items():
+            lacking = where & (names is None or name in names)
+            assert np.array_equal(np.isnan(values), np.broadcast_to(lacking, values.shape))
 
 
 def identical(first: grid.Solution, second: grid.Solution) -> bool:
@@ -365,11 +373,30 @@ def test_a_band_adds_to_its_neighbour(paper_vehicle):
 # --- no silent numbers -------------------------------------------------------------------------------
 
 
-def test_without_primary_dampers_the_bogies_pitch_for_ever(paper_vehicle):
-    """The bogie's pitch is held by the primary suspension alone: undamped it has no variance."""
+PITCHED = ("primary_stroke", "wheelset_acceleration", "bogie_pitch_acceleration")
+"""The responses that feel the bogies pitch."""
+
+
+@pytest.mark.parametrize("band", [None, PAPER_BAND])
+def test_without_primary_dampers_the_bogies_pitch_for_ever(paper_vehicle, band):
+    """The bogie's pitch is held by the primary suspension alone: undamped, what feels it has no variance."""
     undamped = replace(paper_vehicle, primary_damping=0.0)
+    solution = solve(undamped, [30.0, 60.0], band, ALL_NAMES)
+    assert np.all(solution.status == grid.STATUS.index("undamped"))
+    assert all(np.isnan(solution.rms[name]).all() for name in PITCHED)
+    calm = tuple(name for name in ALL_NAMES if name not in PITCHED)
+    alone = solve(undamped, [30.0, 60.0], band, calm)
+    for name in calm:
+        np.testing.assert_allclose(solution.rms[name], alone.rms[name], rtol=1e-8)
+    if band:  # the whole axis takes in wheelsets that ring too long
+        assert_ok(alone)
+        assert_without_result(solution, np.array([True, True]), "undamped", PITCHED)
+
+
+def test_without_any_damper_no_response_has_a_value(paper_vehicle):
+    undamped = replace(paper_vehicle, primary_damping=0.0, secondary_damping=0.0)
     for band in (None, PAPER_BAND):
-        assert_without_result(solve(undamped, [30.0, 60.0], band), np.array([True, True]), "undamped")
+        assert_without_result(solve(undamped, [60.0], band, ALL_NAMES), np.array([True]), "undamped")
 
 
 def test_a_band_without_the_undamped_resonance_has_a_value(paper_vehicle):
@@ -390,13 +417,15 @@ def test_a_wavelength_band_meets_the_undamped_resonance_at_some_speeds_only(pape
     frequency = resonance / (2 * np.pi)
     band = Band("wavelength", 3.0, 25.0)
     speeds = frequency * np.array([2.0, 10.0, 40.0])  # passes waves of 2, 10 and 40 m at the resonance
-    assert_without_result(solve(undamped, speeds, band), np.array([False, True, False]), "undamped")
+    strokes = ("primary_stroke",)
+    assert_without_result(solve(undamped, speeds, band), np.array([False, True, False]), "undamped", strokes)
 
 
 def test_only_the_undamped_vehicles_of_a_grid_lack_a_value(paper_vehicle):
     many = replace(paper_vehicle, primary_damping=np.array([0.0, 5e3, 17e3]))
     solution = solve(many, [30.0, 60.0])
-    assert_without_result(solution, np.array([[True, True], [False, False], [False, False]]), "undamped")
+    where = np.array([[True, True], [False, False], [False, False]])
+    assert_without_result(solution, where, "undamped", ("primary_stroke",))
 
 
 def test_a_promise_that_cannot_be_kept_leaves_no_number(corners, monkeypatch):
@@ -442,7 +471,7 @@ def test_responses_do_not_care_for_a_chain_that_they_are_no_part_of(paper_vehicl
     for name in names:
         np.testing.assert_allclose(solution.rms[name][:, 0, 0], expected[name], rtol=1e-8)
     with_pitch = solve(undamped, [60.0], PAPER_BAND, ("bogie_acceleration", "primary_stroke"))
-    assert_without_result(with_pitch, np.array([[True], [False]]), "undamped")
+    assert_without_result(with_pitch, np.array([[True], [False]]), "undamped", ("primary_stroke",))
 
 
 def test_one_number_that_the_closed_form_doubts_is_tried_by_quadrature(paper_vehicle, monkeypatch):
@@ -513,7 +542,7 @@ def test_the_time_of_a_sweep_is_that_of_its_first_block_times_the_blocks(paper_v
 
 @pytest.mark.parametrize(("value", "error", "status"), [(1.0, 1e-3, "unresolved_peak"), (np.nan, np.nan, "failed")])
 def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle, monkeypatch, value, error, status):
-    """One of eleven numbers at one speed that cannot be promised takes the point's other ten with it."""
+    """One of six numbers at one speed that cannot be promised is NaN, and the point's status tells; the rest stays."""
     names, closed, own = ("bogie_acceleration", "primary_stroke"), residues.mean_squares, grid._own_quadrature
 
     def spoiled(squares, at):
@@ -525,7 +554,14 @@ def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle
     monkeypatch.setattr(grid, "_own_quadrature", lambda *given: spoiled(own(*given), (2,)))
     many = replace(paper_vehicle, bogie_mass=np.array([500.0, 600.0]))
     solution = solve(many, [30.0, 60.0, 80.0], None, names)
-    assert_without_result(solution, np.array([[False, True, False]] * 2), status)
+    where = np.array([[False, True, False]] * 2)
+    assert np.array_equal(solution.status == grid.STATUS.index(status), where)
+    assert np.all(solution.method != grid.METHOD.index("none"))
+    for numbers in (solution.rms, solution.relative_error):
+        lacking = np.isnan(numbers["primary_stroke"])
+        assert np.array_equal(lacking[2], where)
+        assert np.count_nonzero(lacking) == np.count_nonzero(where)
+        assert not np.isnan(numbers["bogie_acceleration"]).any()
 
 
 def test_a_vehicle_that_shared_nodes_serve_badly_anywhere_gets_its_own(paper_vehicle, monkeypatch):

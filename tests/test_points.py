@@ -131,8 +131,9 @@ def test_names_left_out_take_the_cases_scalars(result):
 
 
 def test_settings_change_the_scalars_that_are_taken():
-    dataset = solve({DAMPING: "27, 54 kN*s/m", "speed": "250 km/h"}, {DAMPING: "27 kN*s/m", "title": "other"})
-    assert locate(dataset)[DAMPING] == 0
+    dataset = solve({"speed": "250 km/h"}, {DAMPING: "27 kN*s/m", "title": "other"})
+    assert locate(dataset, parse_point(f"{DAMPING}=27 kN*s/m")) == locate(dataset)
+    assert "the case has 27 kN*s/m" in refusal(dataset, parse_point(f"{DAMPING}=54 kN*s/m"))[0]
     assert result_case(dataset).quantities[DAMPING].value == 27e3
 
 
@@ -152,7 +153,7 @@ def test_a_value_off_by_a_part_in_a_million_is_off_the_grid(result):
 
 
 def test_a_large_value_is_not_taken_for_a_rigid_joint(result):
-    assert "nearest value is 33.33333333 MN/m" in refusal(result, parse_point(f"{JOINT}=1e9 MN/m"))[0]
+    assert "nearest value is 33.33333333 MN/m" in refusal(result, parse_point(f"{JOINT}=1e8 MN/m"))[0]
 
 
 def test_scalars_off_the_grid_are_an_error_or_the_nearest(off_scalar):
@@ -201,9 +202,9 @@ def test_a_name_that_the_case_does_not_give():
 def test_a_swept_contact_stiffness_left_out_takes_what_the_constant_gives():
     over = {"speed": "250 km/h", JOINT: "5 MN/m", "secondary_joint_stiffness": "5 MN/m"}
     exact = float(freqrail.load_case("yu-damper-joint").vehicle.contact_stiffness)
-    on_grid = solve({**over, "contact_stiffness": f"0.5e9, {exact!r}, 2e9 N/m"})
+    on_grid = solve({**over, "contact_stiffness": f"0.8e9, {exact!r}, 2e9 N/m"})
     assert locate(on_grid)["contact_stiffness"] == 1
-    off_grid = solve({**over, "contact_stiffness": "0.5, 0.9, 2 GN/m"})
+    off_grid = solve({**over, "contact_stiffness": "0.8, 0.9, 2 GN/m"})
     assert "the nearest value is 0.9 GN/m" in refusal(off_grid)[0]
     assert locate(off_grid, nearest=True)["contact_stiffness"] == 1
 
@@ -234,6 +235,7 @@ def test_the_case_of_a_result_is_the_one_it_was_computed_from(result):
         assert axis.values.tolist() == result[axis.name].values.tolist()
 
 
+@pytest.mark.filterwarnings("ignore:.*rigid rail")  # an undamped bogie's pitch
 def test_the_warnings_of_a_case_are_not_told_again():
     with pytest.warns(FreqrailWarning, match="the damper hardly acts"):
         dataset = solve({"speed": "250 km/h", "secondary_joint_stiffness": "5 MN/m", JOINT: "1, 5000 kN/m"})

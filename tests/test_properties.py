@@ -129,6 +129,7 @@ def test_geometry_and_speed_scaled_together_leave_the_lags_and_the_rms_alone(veh
         assert np.all(np.abs(angle * large.rms[name] / small.rms[name] - 1) <= allowed)
 
 
+@pytest.mark.filterwarnings("ignore::freqrail.errors.FreqrailWarning")  # wheels that leave the rail
 @FEW
 @given(st.lists(st.integers(10, 160), min_size=1, max_size=5, unique=True).map(sorted))
 def test_kilometres_an_hour_and_metres_a_second_are_one_speed(metres):

@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 
 from freqrail.realisation import (
+    END_LINES,
     fixed_amplitudes,
     gaussian_amplitudes,
+    line_widths,
     mean_square,
     refined,
     sampled_track,
     smooth_step,
     spectral_lines,
     stream,
+    track_deviation,
+    track_lags,
 )
 from freqrail.track import frequency_psd, standard_deviation
 
@@ -36,7 +40,7 @@ def harmonics(lines, record, time, lag=0.0):
 
 
 def test_a_line_carries_two_g_df(lines, german_low):
-    inner = slice(1, -1)
+    inner = slice(END_LINES, -END_LINES)
     expected = np.sqrt(2 * frequency_psd(german_low, lines.frequency, SPEED) / lines.period)
     np.testing.assert_allclose(lines.amplitude[inner], expected[inner])
 
@@ -44,15 +48,50 @@ def test_a_line_carries_two_g_df(lines, german_low):
 def test_the_lines_share_the_band_among_them(lines):
     assert lines.width.sum() == pytest.approx(19.5)
     assert lines.frequency[0] == pytest.approx(0.5)
-    assert lines.width[0] == pytest.approx(0.5 / 8.0)  # half of its cell lies below the band
+    assert lines.width[0] == pytest.approx(0.3486 / 8.0, rel=1e-3)  # Gregory's rule: a line on the band's very end
+
+
+@pytest.mark.parametrize("shift", np.linspace(-0.5, 0.5, 11))
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_the_lines_are_an_integral_wherever_the_band_ends(shift, degree):
+    """A cubic over 20 spacings and a bit, exactly; every weight is positive, so that it can be an amplitude."""
+    low, high, period = 1.0 + shift / 8, 3.5 - shift / 8, 8.0
+    order = np.arange(8, 29)
+    width = line_widths(order, (low, high), period)
+    exact = (high ** (degree + 1) - low ** (degree + 1)) / (degree + 1)
+    assert (order / period) ** degree @ width == pytest.approx(exact, rel=1e-12)
+    assert np.all(width > 0)
+
+
+@pytest.mark.parametrize("count", range(1, 12))
+def test_however_few_lines_share_the_whole_band(count):
+    order = np.arange(3, 3 + count)
+    width = line_widths(order, (2.8 / 8, (order[-1] + 0.3) / 8), 8.0)
+    assert width.sum() == pytest.approx((count - 0.5) / 8, rel=1e-12)
+    assert np.all(width > 0)
+
+
+def test_a_band_that_begins_far_below_the_first_line_leaves_no_line_negative():
+    assert np.all(line_widths(np.arange(1, 40), (0.01 / 8, 5.0), 8.0) > 0)
 
 
 def test_the_variance_of_the_lines_is_that_of_the_track(german_low):
-    # 3-25 m at 250 km/h, design section 3: 0.984 mm
+    # 3-25 m at 250 km/h: 0.984 mm (docs/conventions.md)
     limits = (SPEED / 25, SPEED / 3)
     lines = spectral_lines(german_low, SPEED, limits, 60.0)
     total = np.sqrt(np.sum(lines.amplitude**2) / 2)
-    assert total == pytest.approx(standard_deviation(german_low, (3.0, 25.0)), rel=1e-4, abs=0)
+    assert total == pytest.approx(standard_deviation(german_low, (3.0, 25.0)), rel=1e-8, abs=0)
+
+
+def test_a_record_says_what_deviation_it_has_in_any_range_and_when_it_reaches_the_wheels(german_low):
+    lines = spectral_lines(german_low, SPEED, (0.5, 50.0), 20.0)
+    track = sampled_track(lines, amplitudes(lines), LAGS, 20 * 600)
+    ranges = np.array([[SPEED / 25, SPEED / 3], [0.5, 50.0], [np.nan, np.nan], [10.0, 10.1]])
+    found = track_deviation(lines, track, ranges)
+    exact = [standard_deviation(german_low, (SPEED / high, SPEED / low)) for low, high in ranges[:2]]
+    np.testing.assert_allclose(found[:2], exact, rtol=1e-5)
+    assert np.isnan(found[2:]).all()
+    np.testing.assert_allclose(track_lags(lines, track), LAGS, rtol=1e-9, atol=1e-12)
 
 
 def test_mean_square_is_that_of_the_sampled_sum(lines):

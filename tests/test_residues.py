@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 
 from freqrail import grid, residues
-from freqrail.response import SERIES, chain_responses
+from freqrail.response import SERIES
 from freqrail.study import Study
 from freqrail.track import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.vehicle import (
-    CHAINS,
     Vehicle,
     chain_system,
-    half_vehicle,
     hertzian_contact_stiffness,
     state_space,
     static_wheel_load,
@@ -59,31 +57,6 @@ def test_the_closed_form_agrees_with_fifty_digits(case):
     assert np.all(true <= estimate)
     if min(vehicle.primary_joint_stiffness, vehicle.secondary_joint_stiffness) >= 0.5e6:
         assert np.max(true) < 1e-9
-
-
-@pytest.mark.parametrize("chain", CHAINS)
-def test_partial_fractions_are_the_frequency_response(paper_vehicle, chain):
-    grid_of = replace(
-        paper_vehicle,
-        primary_joint_stiffness=np.array([0.5e6, 5e6, 1e8, 1e10, 1e14, np.inf])[:, None],
-        secondary_joint_stiffness=np.array([[0.5e6, 1e8, np.inf]]),
-    )
-    omega = np.geomspace(5.0, 3000.0, 50)
-    direct = chain_responses(grid_of.column(), omega)[chain]
-    part = residues.modal(grid_of, chain)
-    for element, ratio in direct.ratios.items():
-        fractions = np.sum(
-            part.residues[element][..., None, :] / (1j * omega[:, None] - part.poles[..., None, :]), axis=-1
-        )
-        exact = ratio * direct.top
-        scale = np.max(np.abs(exact), axis=-1, keepdims=True)
-        assert np.max(np.abs(fractions - exact) / scale) < 1e-9
-
-
-def test_the_poles_are_those_of_the_26_states(paper_vehicle):
-    found = np.concatenate([residues.modal(paper_vehicle, chain).poles for chain in CHAINS])
-    expected = np.linalg.eigvals(state_space(half_vehicle(paper_vehicle)).a)
-    assert all(np.min(np.abs(found - p)) < 1e-9 * abs(p) for p in expected)
 
 
 def test_closed_form_and_quadrature_agree_on_the_paper_grid(paper_vehicle, german_low):
@@ -190,15 +163,6 @@ def test_the_unit_of_time_is_ours_to_choose(paper_vehicle, german_low, slower):
         for name in NAMES:
             factor = slower ** (2 * SERIES[name].derivative)
             np.testing.assert_allclose(factor * other[name].value, one[name].value, rtol=1e-9)
-
-
-def test_numbers_that_overflow_have_no_poles_and_leave_those_beside_them_alone(paper_vehicle):
-    many = replace(paper_vehicle, wheelset_mass=np.array([1e-305, 700.0]))
-    for chain in CHAINS:
-        with np.errstate(all="ignore"):
-            light, plain = residues.chain_poles(many, chain)
-        assert np.isnan(light).all()
-        assert np.isfinite(plain).all()
 
 
 def test_a_spectrum_with_simple_poles_is_taken_as_it_is():

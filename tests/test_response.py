@@ -66,7 +66,7 @@ def lost_digits(vehicle: Vehicle, name: str, omega: np.ndarray) -> np.ndarray:
     return scale * arm * (1 if name.endswith("stroke") else omega**2)
 
 
-# --- two methods that share no code ------------------------------------------------------------------
+# --- two methods that share no more than the law of a leg ---------------------------------------------
 
 
 @every_model

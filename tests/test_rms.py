@@ -42,7 +42,7 @@ def package(
     speeds = np.array([speed])
     nodes = rms.weighted_nodes(vehicle, TRACK, rule, speeds, np.reshape(limits, (2, 1)), most=100)
     lost = rms.rounding(poles(vehicle), np.reshape(limits, (2, 1)))
-    squares = rms.mean_squares(vehicle, names, nodes, lost)
+    squares = rms.mean_squares(vehicle, names, nodes, dict.fromkeys(names, lost))
     return {k: (np.sqrt(m.value[:, 0]), m.error[:, 0] / m.value[:, 0] / 2) for k, m in squares.items()}
 
 

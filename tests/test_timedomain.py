@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import lags, output_matrices
+from helpers import ALL_NAMES, lags, output_matrices
 
 from freqrail import grid, timedomain, verdicts
 from freqrail.errors import InputError
 from freqrail.integrators import Accuracy
 from freqrail.study import Study
-from freqrail.timedomain import MODELS, RESPONSES, SERIES_COUNT, Plan, Point, Simulated
+from freqrail.timedomain import MODELS, PAPER, Plan, Point, Simulated, series_count
 from freqrail.track import Band, RationalSpectrum
+from freqrail.usual_run import plain_run
 from freqrail.vehicle import half_vehicle, state_space
 
 BAND = (0.1, 100.0)
@@ -29,9 +30,9 @@ def reference(point: Point, band=BAND) -> np.ndarray:
     """The numbers under test: RMS over the continuous spectrum, [model, series]."""
     rows = []
     for vehicle in (point.vehicle, point.vehicle.traditional()):
-        study = Study(vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *band), RESPONSES)
+        study = Study(vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *band), PAPER)
         rms = grid.solve(study).rms
-        rows.append(np.concatenate([rms[name][:, 0] for name in RESPONSES]))
+        rows.append(np.concatenate([rms[name][:, 0] for name in PAPER]))
     return np.array(rows)
 
 
@@ -43,8 +44,12 @@ def verdicts_of(point, plan, side=None, true=None) -> tuple[np.ndarray, np.ndarr
 def judged(evidence: timedomain.Evidence, plan: Plan, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(solver, statistical) verdicts of what was found at one point."""
     return (
-        verdicts.solver_verdicts(evidence.solver_error, timedomain.tolerance(plan)),
-        verdicts.statistical_verdicts(evidence.pooled, evidence.degrees, known, 2 * SERIES_COUNT),
+        verdicts.tolerance_verdicts(
+            evidence.solver_error,
+            np.array([[timedomain.SOLVER_TOLERANCE[timedomain.integrator_of(plan, model)]] for model in MODELS]),
+            verdicts.FAILED,
+        ),
+        verdicts.statistical_verdicts(evidence.pooled, evidence.degrees, known, 2 * series_count(PAPER)),
     )
 
 
@@ -60,7 +65,7 @@ def flagged(verdict: np.ndarray) -> bool:
 def test_one_period_of_the_exact_recurrence_has_the_line_spectrums_rms_to_2e_5(point, speed):
     evidence = timedomain.examine(replace(point, speed=speed / 3.6), SHORT)
     assert evidence.failures == {}
-    assert evidence.solver_error.shape == (2, SERIES_COUNT)
+    assert evidence.solver_error.shape == (2, series_count(PAPER))
     assert evidence.solver_error.max() < 2e-5
 
 
@@ -105,9 +110,10 @@ def test_the_simulated_spectrum_is_the_analytic_one_at_every_line(point):
 
 
 def test_readout_is_that_of_the_tests_own_state_equations(paper_vehicle):
-    c, _ = output_matrices(paper_vehicle)
-    side = timedomain.time_side(Point(paper_vehicle, 1.0, None, ""))
-    np.testing.assert_allclose(side.readout["joint"], np.concatenate([c[name] for name in RESPONSES]))
+    c, d = output_matrices(paper_vehicle)
+    side = timedomain.time_side(Point(paper_vehicle, 1.0, None, ""), ALL_NAMES)
+    np.testing.assert_allclose(side.readout["joint"], np.concatenate([c[name] for name in ALL_NAMES]))
+    np.testing.assert_allclose(side.feedthrough["joint"], np.concatenate([d[name] for name in ALL_NAMES]))
 
 
 def test_lags_are_those_of_eq_2(point):
@@ -188,12 +194,36 @@ def test_a_model_that_runs_away_is_a_failure_with_a_reason_and_nan(point):
     assert (statistical[0] == verdicts.VERDICTS.index("failed")).all()
 
 
+# --- the images of the track's spline ---------------------------------------------------------------
+
+V = 250 / 3.6
+FALSE_ALARMS = [(0.1, 40.0), (0.1, 50.0), (V / 200, V / 2)]  # the last: wavelengths 2 to 200 m
+
+
+@pytest.mark.parametrize("limits", FALSE_ALARMS)
+def test_no_band_makes_a_right_number_fail_the_solver_check(point, limits):
+    plan = replace(SHORT, limits=limits, start="steady", realisations=1)
+    assert timedomain.examine(point, plan).solver_error.max() < 2e-6
+
+
+@pytest.mark.parametrize("limits", FALSE_ALARMS)
+def test_the_bound_of_the_images_is_above_what_they_do_and_ten_samples_a_period_would_not_do(
+    point, limits, monkeypatch
+):
+    monkeypatch.setattr(timedomain, "SAMPLES_A_PERIOD", (10,))
+    plan = replace(SHORT, limits=limits, start="steady", realisations=1)
+    side = timedomain.time_side(point)
+    bound = timedomain.image_bound(point, plan, side, timedomain.sampling_rate(point, plan, side))
+    found = timedomain.examine(point, plan).solver_error.max()
+    assert 1e-5 < found < 1.5 * bound  # a record's lines are not those that the bound is reckoned with
+
+
 # --- a usual run -----------------------------------------------------------------------------------
 
 
 def test_a_usual_run_reports_ten_times_the_bogies_acceleration_and_a_good_car_body(point):
     """docs/confirming.md: from rest, straight lines 5 ms apart, default tolerances."""
-    time, responses, exact = timedomain.plain_run(point, (0.1, 90.0), 10.0, 0.005)
+    time, responses, exact = plain_run(point, (0.1, 90.0), 10.0, 0.005)
     rms = np.sqrt(np.mean(responses**2, axis=-1))
     assert time[-1] == pytest.approx(10.0, abs=0.002)
     assert rms[0, 3] > 10 * exact[0, 3]
@@ -202,9 +232,7 @@ def test_a_usual_run_reports_ten_times_the_bogies_acceleration_and_a_good_car_bo
 
 def test_each_of_its_habits_alone_is_wrong_and_without_them_the_run_is_right(point):
     def ratio(step, **options):
-        time, responses, exact = timedomain.plain_run(
-            point, (0.1, 90.0), 20.0, step, integrator="exponential", **options
-        )
+        time, responses, exact = plain_run(point, (0.1, 90.0), 20.0, step, integrator="exponential", **options)
         return np.sqrt(np.mean(responses[0, 3, time > 4] ** 2)) / exact[0, 3]
 
     assert ratio(0.001, interpolation="cubic") > 2  # a sudden start, seconds later

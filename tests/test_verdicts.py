@@ -23,7 +23,7 @@ def test_the_interval_covers_the_true_rms_in_95_per_cent_of_2000_seeds(point):
     """Closed-form line RMS, nothing integrated: all eleven series of both models."""
     plan = replace(SHORT, period=60.0, realisations=1)
     lines = spectral_lines(point.spectrum, point.speed, BAND, plan.period)
-    power = timedomain.transfer_power(point, lines.frequency)
+    power = timedomain.line_power(point, timedomain.PAPER, lines.frequency)
     degrees = verdicts.degrees_of_freedom(power, lines, plan.realisations)
     true = reference(point)
     covered = np.zeros(true.shape)
@@ -38,9 +38,9 @@ def test_the_interval_covers_the_true_rms_in_95_per_cent_of_2000_seeds(point):
 
 def test_the_sum_over_lines_is_the_rms_over_the_continuous_spectrum(point):
     lines = spectral_lines(point.spectrum, point.speed, BAND, 60.0)
-    power = timedomain.transfer_power(point, lines.frequency)
+    power = timedomain.line_power(point, timedomain.PAPER, lines.frequency)
     total = np.sqrt(power @ lines.amplitude**2 / 2)
-    np.testing.assert_allclose(total, reference(point), rtol=1e-4)
+    np.testing.assert_allclose(total, reference(point), rtol=1e-8)
 
 
 def test_simultaneous_intervals_are_wider_the_more_checks_there_are():
@@ -56,9 +56,23 @@ def test_white_noise_has_the_degrees_of_freedom_of_its_bandwidth():
 
 
 def test_a_number_stands_does_not_or_cannot_be_compared():
-    error = np.array([1e-6, 2e-5, 3e-5, np.nan])
-    assert verdicts.solver_verdicts(error, np.array(2e-5)).tolist() == [0, 0, 1, 2]
+    error = np.array([1e-6, -2e-5, 3e-5, -3e-5, np.nan])
+    assert verdicts.tolerance_verdicts(error, np.array(2e-5), verdicts.FAILED).tolist() == [0, 0, 1, 1, 2]
+    assert verdicts.tolerance_verdicts(error, np.array(2e-5)).tolist() == [0, 0, 1, 1, 3]
+    assert verdicts.tolerance_verdicts(error, np.full(5, np.nan)).tolist() == [3] * 5
     degrees = np.full(5, 200.0)
     low, high = verdicts.interval(np.ones(5), degrees, verdicts.simultaneous(5))
     reference = np.array([1.0, 1.01 * low[1], 0.99 * low[2], 1.01 * high[3], np.nan])
-    assert verdicts.statistical_verdicts(np.ones(5), degrees, reference, 5).tolist() == [0, 0, 1, 1, 2]
+    assert verdicts.statistical_verdicts(np.ones(5), degrees, reference, 5).tolist() == [0, 0, 1, 1, 3]
+    assert verdicts.statistical_verdicts(np.full(5, np.nan), degrees, np.ones(5), 5).tolist() == [2] * 5
+
+
+@pytest.mark.parametrize("confidence", [0.5, 0.95, 1 - 1e-5])
+@pytest.mark.parametrize("degrees", [3.3, 50.0, 2000.0])
+def test_the_intervals_limits_leave_half_of_the_rest_on_either_side(degrees, confidence):
+    from scipy.stats import chi2
+
+    low, high = verdicts.interval(np.ones(1), np.array([degrees]), confidence)
+    # the mean square is chi-square/nu times the true one, so that the true one is nu/chi-square times the found one
+    assert chi2.cdf(degrees / high**2, degrees) == pytest.approx((1 - confidence) / 2, rel=1e-8)
+    assert chi2.sf(degrees / low**2, degrees) == pytest.approx((1 - confidence) / 2, rel=1e-8)

@@ -1,8 +1,9 @@
 """The paper's claims: every directional statement of its sections V, VI and VII, and what decides it.
 
-A claim is in words of our own, names the dataset that it is about ("grid": RMS over both joints and speed, see
-`dataset.sweep`; "track": heights under the wheels; "spectra": PSDs at one point) and has a function over it. No
-verdict is written here; `judging` says what each test asks and from which share of points on a claim holds.
+A claim carries the paper's own sentence, is read in words of our own, names the dataset that it is about ("grid": RMS
+over both joints and speed, see `dataset.sweep`; "track": heights under the wheels; "spectra": PSDs at one point) and
+has a function over it. No verdict is written here; `judging` says what each test asks, `thresholds` from which share
+of points on a claim holds.
 """
 
 from __future__ import annotations
@@ -17,10 +18,7 @@ import xarray as xr
 from freqrail.names import JOINTS, RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.judging import (
-    GREAT,
     PLACES,
-    SAME,
-    SEEN,
     Finding,
     Outcome,
     Places,
@@ -31,21 +29,21 @@ from freqrail.replication.judging import (
     below,
     differs,
     everywhere,
-    extent,
     falls,
     grows_with_speed,
     high,
     low,
     never_coincides,
-    percent,
     recedes,
     rises,
     same,
     same_law,
     slowly,
     turns_away,
-    whole,
 )
+from freqrail.replication.quotations import QUOTATIONS
+from freqrail.replication.thresholds import CHOSEN, Thresholds
+from freqrail.replication.words import extent, extreme, percent, whole
 
 PAPER_SPEED = 250.0  # km/h
 PAPER_POINT = {"speed": PAPER_SPEED, **dict.fromkeys(JOINTS, judging.OTHER_JOINT)}
@@ -55,15 +53,15 @@ PRIMARY, SECONDARY = JOINTS
 CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE = (name for name, response in RESPONSES.items() if response.paper)
 RESPONSE_NAMES = (CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE)
 
-Judge = Callable[[xr.Dataset, Places], Outcome]
+Judge = Callable[[xr.Dataset, Places, Thresholds], Outcome]
 
 
 @dataclass(frozen=True)
 class Claim:
     """A directional statement of the paper.
 
-    key: what the report calls it. section and item: where the paper says it. text: what it says, in our words.
-    over: the dataset it is about. judge: (dataset, places) to an outcome, places as `judging.PLACES`.
+    key: what the report calls it. section and item: where the paper says it. text: how it is read, in our words.
+    over: the dataset it is about. judge: (dataset, places, thresholds) to an outcome, places as `judging.PLACES`.
     """
 
     key: str
@@ -73,9 +71,20 @@ class Claim:
     over: str
     judge: Judge
 
-    def finding(self, dataset: xr.Dataset, places: Places | None = None) -> Finding:
+    @property
+    def quotation(self) -> str:
+        """The sentence of the paper that makes the claim, verbatim."""
+        return QUOTATIONS[self.key]
+
+    def outcome(
+        self, dataset: xr.Dataset, places: Places | None = None, thresholds: Thresholds = CHOSEN
+    ) -> judging.Outcome:
+        """Where the claim is true in a dataset."""
+        return self.judge(dataset, places or PLACES, thresholds)
+
+    def finding(self, dataset: xr.Dataset, places: Places | None = None, thresholds: Thresholds = CHOSEN) -> Finding:
         """What the claim comes to in a dataset."""
-        return judging.finding(self.judge(dataset, places or PLACES))
+        return judging.finding(self.outcome(dataset, places, thresholds), thresholds)
 
 
 def judge_all(datasets: Mapping[str, xr.Dataset], places: Places | None = None) -> dict[str, Finding]:
@@ -86,26 +95,26 @@ def judge_all(datasets: Mapping[str, xr.Dataset], places: Places | None = None) 
 # --- claims that are not about one scan -----------------------------------------------------------
 
 
-def _at_point(test: Test, response: str, dataset: xr.Dataset, places: Places) -> Outcome:
+def _at_point(test: Test, response: str, dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
     both = judging.read(dataset, response, places)
-    return test(judging.Scan(both.joint.sel(PAPER_POINT), both.rigid.sel(speed=PAPER_SPEED)))
+    return test(judging.Scan(both.joint.sel(PAPER_POINT), both.rigid.sel(speed=PAPER_SPEED)), t)
 
 
-def _over_scan(test: Test, response: str, joint: str, dataset: xr.Dataset, places: Places) -> Outcome:
-    return test(judging.scan(dataset, response, joint, places))
+def _over_scan(test: Test, response: str, joint: str, dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
+    return test(judging.scan(dataset, response, joint, places), t)
 
 
-def _bogie_over_car(dataset: xr.Dataset, places: Places) -> Outcome:
+def _bogie_over_car(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
     """At the paper's point the bogie's departure is larger than the car body's."""
     apart = {}
     for response in (BOGIE, CAR):
         both = judging.read(dataset, response, places)
         apart[response] = abs(both.departure.sel(PAPER_POINT))
     numbers = f"bogie frame {percent(float(apart[BOGIE]), False)}, car body {percent(float(apart[CAR]), False)}"
-    return apart[BOGIE] > apart[CAR], f"{numbers} away from the traditional model"
+    return Outcome(apart[BOGIE] > apart[CAR], f"{numbers} away from the traditional model")
 
 
-def _lagged_copies(dataset: xr.Dataset, places: Places) -> Outcome:
+def _lagged_copies(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
     """Every wheel's track, moved back by its lag, is the first wheel's."""
     time, height = dataset["time"].values, dataset["track_height"]
     first = height.isel(axle=0).values
@@ -117,10 +126,10 @@ def _lagged_copies(dataset: xr.Dataset, places: Places) -> Outcome:
     worst = xr.DataArray(off, dims="axle", coords={"axle": height["axle"]})
     lags = ", ".join(f"{1e3 * lag:.1f}" for lag in dataset["lag"].values[1:])
     numbers = f"lags {lags} ms; after taking them out the heights differ by at most {percent(max(off), False)} (RMS)"
-    return worst <= SAME, numbers
+    return Outcome(worst <= t.same, numbers, ("same",))
 
 
-def _at_high_frequency(dataset: xr.Dataset, places: Places) -> Outcome:
+def _at_high_frequency(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
     """Most of what the joints change in a response's power lies above the corner of the softest damper."""
     frequency = dataset["frequency"]
     corner = float(dataset.attrs["corner_frequency"])
@@ -141,10 +150,10 @@ def _at_high_frequency(dataset: xr.Dataset, places: Places) -> Outcome:
         f"{RESPONSES[name].long_name} {percent(value, False)} (RMS below it {percent(change)})"
         for name, value, change in zip(RESPONSE_NAMES, shares, changes, strict=True)
     )
-    return share > 0.5, f"share of the changed power above {corner:.1f} Hz: {words}"
+    return Outcome(share > t.mainly, f"share of the changed power above {corner:.1f} Hz: {words}", ("mainly",))
 
 
-def _all_matter(dataset: xr.Dataset, places: Places) -> Outcome:
+def _all_matter(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
     """Either joint changes every response visibly somewhere."""
     cells = [
         [float(abs(judging.scan(dataset, response, joint, places).departure).max()) for joint in JOINTS]
@@ -153,40 +162,42 @@ def _all_matter(dataset: xr.Dataset, places: Places) -> Outcome:
     largest = xr.DataArray(
         cells, dims=("response", "joint"), coords={"response": list(RESPONSE_NAMES), "joint": list(JOINTS)}
     )
-    return largest > SAME, f"largest departure of each response by each joint {extent(largest, False)}"
+    return Outcome(
+        largest > t.same, f"largest departure of each response by each joint {extent(largest, False)}", ("same",)
+    )
 
 
-def _great_errors(dataset: xr.Dataset, places: Places) -> Outcome:
+def _great_errors(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
     """At low speed the traditional model is far off in both accelerations, whichever joint is scanned."""
     scans = {
         (response, joint): judging.scan(dataset, response, joint, places)
         for response in (CAR, BOGIE)
         for joint in JOINTS
     }
-    apart = {key: low(abs(s.departure)) for key, s in scans.items()}
+    apart = {key: low(abs(s.departure), t.region) for key, s in scans.items()}
     labels = [f"{RESPONSES[response].long_name}, {joint.split('_')[0]} joint" for response, joint in apart]
     words = "; ".join(f"{label} {extent(d, False)}" for label, d in zip(labels, apart.values(), strict=True))
     # the two joints need not have the same stiffnesses: NaN where a scan has no such point
-    far = [(d > GREAT).astype(float) for d in apart.values()]
+    far = [(d > t.great).astype(float).reset_coords(drop=True) for d in apart.values()]
     true = xr.concat(far, xr.DataArray(labels, dims="scan", name="scan"), join="outer")
-    return true, f"{words}; more than {whole(GREAT)} is due"
+    return Outcome(true, f"{words}; more than {whole(t.great)} is due", ("great", "region"))
 
 
-def _stiff_joints_agree(dataset: xr.Dataset, places: Places) -> Outcome:
+def _stiff_joints_agree(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
     """With both joints stiff, every response is nearer to the traditional model than with soft ones, and like it."""
     parts = []
     for response in RESPONSE_NAMES:
         d = abs(judging.read(dataset, response, places).departure)
         soft, stiff = (d.isel(dict.fromkeys(JOINTS, end), drop=True) for end in (0, -1))
-        parts.append(((stiff < soft) & (stiff <= SAME), stiff))
+        parts.append(((stiff < soft) & (stiff <= t.same), stiff))
     labels = xr.DataArray(list(RESPONSE_NAMES), dims="response", name="response")
     true = xr.concat([part[0] for part in parts], labels)
     stiff = xr.concat([part[1] for part in parts], labels)
-    return true, f"departure with both joints at their stiffest {extent(stiff, False)}"
+    return Outcome(true, f"departure with both joints at their stiffest {extent(stiff, False)}", ("same",))
 
 
-def _can_be_alleviated(dataset: xr.Dataset, places: Places) -> Outcome:
-    """Some pair of joints makes the car body and the bogie frame quieter than rigid joints do."""
+def _can_be_alleviated(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
+    """For each of the two accelerations some pair of joints makes it smaller than rigid joints do."""
     best, worst = [], []
     for response in (CAR, BOGIE):
         d = judging.read(dataset, response, places).departure
@@ -196,15 +207,10 @@ def _can_be_alleviated(dataset: xr.Dataset, places: Places) -> Outcome:
     least, most = xr.concat(best, labels), xr.concat(worst, labels)
     words = [
         f"{RESPONSES[name].long_name}: best pair {extent(least.sel(response=name))}, worst pair up to "
-        f"{extreme_of(most.sel(response=name))}"
+        f"{extreme(most.sel(response=name), 'max')}"
         for name in (CAR, BOGIE)
     ]
-    return least < -SEEN, "; ".join(words)
-
-
-def extreme_of(values: xr.DataArray) -> str:
-    """The largest of `values` in per cent with its place."""
-    return judging.extreme(values, "max")
+    return Outcome(least < -t.seen, "; ".join(words), ("seen",))
 
 
 # --- the table -------------------------------------------------------------------------------------
@@ -281,7 +287,7 @@ _SECONDARY_JOINT = (
         "at high speed a stiffer secondary joint brings the bogie nearer to the traditional",
         approaches(high),
     ),
-    ("2e", BOGIE, "a stiffer secondary joint raises the bogie frame's acceleration", rises),
+    ("2e", BOGIE, "a stiffer secondary joint lowers the bogie frame's acceleration", falls),
     ("2f", BOGIE, "the bogie frame follows the secondary joint by one law at every speed", same_law),
     (
         "3a",

@@ -147,7 +147,7 @@ _PAGE = """<!DOCTYPE html>
 
 _STYLE = """
 body { margin: 0; font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; }
-main { max-width: 62rem; margin: 0 auto; padding: 1rem; }
+main { max-width: 84rem; margin: 0 auto; padding: 1rem; } p, ul, figure { max-width: 62rem; }
 h1 { font-size: 1.6rem; line-height: 1.25; } h2 { font-size: 1.3rem; margin-top: 2.2rem; } h3 { font-size: 1.1rem; }
 code { font-size: .9em; background: #f2f2f2; padding: 0 .2em; overflow-wrap: anywhere; }
 table { border-collapse: collapse; width: 100%; font-size: .875rem; margin: 1rem 0; }

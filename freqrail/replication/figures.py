@@ -17,10 +17,12 @@ import numpy as np
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
+from numpy.typing import NDArray
 
 from freqrail.figures import STYLE, save
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES
@@ -35,6 +37,7 @@ from freqrail.replication.claims import (
     SECONDARY_STROKE,
 )
 from freqrail.replication.judging import OTHER_JOINT, PLACES
+from freqrail.replication.words import percent
 
 FORMATS = ("svg", "png")
 
@@ -44,6 +47,8 @@ _SPEEDS = (100, 150, 200, 250, 300)  # km/h, of the curves against stiffness
 _MARKERS = "osD^vP"
 _BLUE, _ORANGE, _GREEN, _PINK = "#0072B2", "#E69F00", "#009E73", "#CC79A7"
 _TICKS = (0.5, 1, 2, 5, 10, 20, 50, 100)  # MN/m
+_STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 1e4, 1e5)  # %, of the map's colours
+_MAP_COLOURS = "RdBu_r"
 _FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
 _ALL = (CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE)
 _WHERE = {CAR: "at the centre", BOGIE: "front bogie", SECONDARY_STROKE: "front bogie", PRIMARY_STROKE: "axle 1"}
@@ -103,8 +108,10 @@ def pictures(datasets: Mapping[str, xr.Dataset]) -> list[Picture]:
             Picture(
                 f"rms-against-{joint.split('_')[0]}-joint",
                 f"RMS against the {joint.split('_')[0]} joint's stiffness",
-                f"A line a speed, the other joint at 5 MN/m, the traditional model's value dashed ({place}). Below "
-                "its dashed line a joint does better than a rigid one; a minimum inside the range is a best joint.",
+                f"A colour a speed, the other joint at 5 MN/m, the traditional model's value dashed ({place}). Only "
+                "the marks, Table I's stiffnesses, are computed; the lines between guide the eye. Below its dashed "
+                "line a joint makes that response smaller than rigid ones do. A lowest mark is the lowest of those "
+                "computed, for that response and speed, not the best joint.",
                 partial(_against_joint, grid, joint),
             )
             for joint in JOINTS
@@ -112,8 +119,10 @@ def pictures(datasets: Mapping[str, xr.Dataset]) -> list[Picture]:
         Picture(
             "joint-map",
             f"RMS over both joints' stiffness at {speed}, as departure from the traditional model",
-            "Colour: by how many per cent the RMS lies above (red) or below (blue) the traditional model's; the cross "
-            "is the paper's vehicle. Blue regions are joints that beat rigid ones.",
+            "Colour: by how many per cent the RMS lies above (red) or below (blue) the traditional model's, in steps "
+            "that widen and reach to the largest and the smallest value, which stand above each panel; white is within "
+            "1 %. The cross is the paper's vehicle. Blue: that response, at this speed, is smaller than with rigid "
+            "joints.",
             partial(_map, datasets["map"]),
         ),
         Picture(
@@ -203,7 +212,7 @@ def _against_joint(dataset: xr.Dataset, joint: str) -> Figure:
         values = _at_place(dataset[f"{name}_rms"]).sel({other: OTHER_JOINT})
         rigid = _at_place(dataset[f"traditional_{name}_rms"])
         for speed, style in zip(_SPEEDS, styles, strict=True):
-            ax.plot(dataset[joint].values, scale * values.sel(speed=speed).values, **style)
+            ax.plot(dataset[joint].values, scale * values.sel(speed=speed).values, **style, linewidth=0.7)
             ax.axhline(scale * float(rigid.sel(speed=speed)), color=style["color"], linestyle="--", linewidth=0.8)
         ax.set(xlabel=_joint_label(joint), ylabel=f"RMS [{RESPONSES[name].shown_unit}]")
         _joint_axis(ax, "x")
@@ -219,27 +228,33 @@ def _against_joint(dataset: xr.Dataset, joint: str) -> Figure:
 def _map(dataset: xr.Dataset) -> Figure:
     figure = _figure(5.6)
     x, y = dataset[PRIMARY].values, dataset[SECONDARY].values
+    departures = {name: _departure(dataset, name) for name in _ALL}
+    levels_of = {name: _widening(d.min(), d.max()) for name, d in departures.items()}
+    widest = max(abs(level) for levels in levels_of.values() for level in levels)
     for name, ax in _panels(figure, _ALL):
-        joint, rigid = (_at_place(dataset[f"{p}{name}_rms"]).sel(speed=PAPER_SPEED) for p in ("", "traditional_"))
-        departure = (100 * (joint / rigid - 1)).transpose(SECONDARY, PRIMARY).values
-        # a colour scale that the softest corner alone does not use up, the same to either side of zero if both occur
-        limit = _round_up(float(np.quantile(np.abs(departure), 0.85)))
-        both = departure.min() < 0
-        levels = np.linspace(-limit, limit, 21) if both else np.linspace(0, limit, 21)
-        filled = ax.contourf(
-            x, y, departure, levels=levels, cmap="RdBu_r" if both else "Reds", extend="both" if both else "max"
-        )
+        departure, levels = departures[name], levels_of[name]
+        norm = SymLogNorm(_STEPS[0], vmin=-widest, vmax=widest)  # a colour means the same in every panel
+        filled = ax.contourf(x, y, departure, levels=levels, cmap=_MAP_COLOURS, norm=norm)
         ax.contour(x, y, departure, levels=[0.0], colors="black", linewidths=0.7)
         ax.plot(PAPER_POINT[PRIMARY], PAPER_POINT[SECONDARY], "x", color="black", markersize=6, markeredgewidth=1.5)
         ax.set(xlabel=_joint_label(PRIMARY), ylabel=_joint_label(SECONDARY))
         for which in "xy":
             _joint_axis(ax, which)
         ax.grid(False)
-        figure.colorbar(filled, ax=ax, label="departure [%]", pad=0.02, ticks=levels[::5])
+        bar = figure.colorbar(filled, ax=ax, label="departure [%]", pad=0.02, ticks=levels, spacing="uniform")
+        bar.ax.minorticks_off()
+        bar.set_ticklabels([f"{level:+g}".replace("-", "−") for level in levels])
+        ax.set_title(f"{ax.get_title()}\n{percent(departure.min() / 100)} to {percent(departure.max() / 100)}")
     cross = Line2D([], [], color="black", marker="x", linestyle="none", markersize=6, label="the paper's vehicle")
     line = Line2D([], [], color="black", linewidth=0.7, label="as in the traditional model")
     _legend(figure, [cross, line])
     return figure
+
+
+def _departure(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
+    """Departure from the traditional model in per cent: [secondary joint, primary joint]."""
+    joint, rigid = (_at_place(dataset[f"{p}{name}_rms"]).sel(speed=PAPER_SPEED) for p in ("", "traditional_"))
+    return np.asarray((100 * (joint / rigid - 1)).transpose(SECONDARY, PRIMARY).values)
 
 
 def _cumulative(dataset: xr.Dataset, dampers: xr.Dataset) -> Figure:
@@ -352,10 +367,12 @@ def _joint_axis(ax: Axes, which: str) -> None:
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
-def _round_up(value: float) -> float:
-    """The next larger of 1, 2, 5, 10, 20, ... or four times such a number."""
-    decade = 10 ** np.floor(np.log10(value))
-    return float(next(step * decade for step in (1, 2, 4, 5, 8, 10) if step * decade >= value))
+def _widening(least: float, most: float) -> list[float]:
+    """Levels in per cent, ever further apart away from zero, that hold everything from `least` to `most`."""
+    steps = [-step for step in reversed(_STEPS)] + list(_STEPS)
+    first = max((k for k, step in enumerate(steps) if step <= least), default=0)
+    last = min((k for k, step in enumerate(steps) if step >= most), default=len(steps) - 1)
+    return steps[first : last + 1]
 
 
 def _legend(figure: Figure, handles: Sequence[Line2D], title: str | None = None, columns: int | None = None) -> None:

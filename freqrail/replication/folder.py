@@ -10,16 +10,20 @@ from pathlib import Path
 
 import xarray as xr
 
+from freqrail import manifest
 from freqrail.errors import FileError, InputError
 from freqrail.replication import document, studies, time_variations, variations
 from freqrail.replication.claims import judge_all
-from freqrail.replication.figures import FORMATS, draw_all, pictures
+from freqrail.replication.figures import draw_all, pictures
 from freqrail.replication.judging import VERDICTS, Finding
+from freqrail.replication.mechanism import mechanism
 from freqrail.replication.report import compose
+from freqrail.replication.standing import standings
 from freqrail.replication.variations import Variation
 from freqrail.storage import write_result
 
 FOLDER = Path("results", studies.CASE)
+COMMAND = "replicate"
 
 _DATASETS: dict[str, Callable[[], xr.Dataset]] = {
     "grid": studies.grid,
@@ -54,7 +58,7 @@ class Replication:
 def steps(quick: bool = False) -> int:
     """How many steps `replicate` tells its `progress` of."""
     simulated = 0 if quick else round(time_variations.simulated_seconds() / SECONDS_A_STEP)
-    return len(_DATASETS) + variations.count_in_frequency() + simulated + _FIGURES
+    return len(_DATASETS) + 2 + variations.count_in_frequency() + simulated + _FIGURES
 
 
 def replicate(
@@ -63,8 +67,9 @@ def replicate(
     """Recompute the paper's sections V and VI, judge its claims and write datasets, figures and report.
 
     folder: where to; results/yu-damper-joint below the working folder unless given, made with its parents then. It is
-    replaced as a whole, and only when the new one is complete; a folder that holds anything else is refused. quick:
-    leave out the variations in the time domain. progress: called with the number of steps just done, of `steps`.
+    replaced as a whole, and only when the new one is complete; a folder that holds anything that an earlier run did
+    not write, or that was changed since (see `manifest`), is refused. quick: leave out the variations in the time
+    domain. progress: called with the number of steps just done, of `steps`.
 
     Raises InputError for a folder that is not this command's own, FileError if it cannot be written.
     """
@@ -73,22 +78,30 @@ def replicate(
     for name, make in _DATASETS.items():
         datasets[name] = make()
         progress(1)
-    findings = judge_all(datasets)
+    findings, standing = judge_all(datasets), standings(datasets)
+    progress(1)
     case = studies.study_case()
+    explanation = mechanism(datasets["grid"], case)
+    progress(1)
     varied = variations.in_frequency(datasets["grid"], case, progress)
     if not quick:
         varied += time_variations.in_time(datasets["grid"], case, _whole_steps(progress))
     drawn = pictures(datasets)
-    partial = target.with_name(f".{target.name}.partial")
+    partial = _beside(target, "partial")
     try:
-        shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
+    except OSError as fault:
+        raise FileError(f"{partial}: cannot be made: {fault.strerror}") from None
+    try:
         for name, dataset in datasets.items():
             write_result(dataset, partial / f"{name}.nc")
         draw_all(drawn, partial, progress)
-        blocks = compose(datasets, findings, varied, drawn, case.vehicle, LEFT_OUT if quick else "")
+        blocks = compose(
+            datasets, findings, standing, explanation, varied, drawn, case.vehicle, LEFT_OUT if quick else ""
+        )
         (partial / "report.md").write_text(document.markdown(blocks), encoding="utf-8")
         (partial / "report.html").write_text(document.web_page(blocks, partial), encoding="utf-8")
+        manifest.record(partial, COMMAND, {path.name: manifest.digest(path) for path in partial.iterdir()})
         _swap(partial, target)
     except OSError as fault:
         raise FileError(f"{target}: cannot be written: {fault.strerror or fault}") from None
@@ -113,40 +126,42 @@ def _whole_steps(progress: Progress) -> Callable[[float], None]:
 
 
 def _check(target: Path, default: bool) -> Path:
-    """The target, after checking that it may be replaced."""
+    """The target, after checking that it may be replaced: all that it holds is what an earlier run wrote."""
+    if target.name in ("", ".."):
+        raise InputError(f"{target}: is not a folder of its own; name another with -o")
     if default:
         target.parent.mkdir(exist_ok=True)
     if not target.parent.is_dir():
         raise FileError(f"{target.parent}: no such folder; make it, or name another with -o")
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise FileError(f"{target.parent}: this folder cannot be written; name another with -o")
-    if not target.exists():
-        return target
-    if not target.is_dir() or target.is_symlink():
+    if target.is_symlink() or (target.exists() and not target.is_dir()):
         raise InputError(f"{target}: is not a folder of its own; name another with -o")
-    own = {f"{name}.nc" for name in _DATASETS} | {"report.md", "report.html"}
-    strangers = sorted(
-        entry.name
-        for entry in target.iterdir()
-        if entry.name not in own and not (entry.is_file() and entry.suffix[1:] in FORMATS)
-    )
-    if strangers:
-        raise InputError(
-            f"{target}: holds what this command did not write ({', '.join(strangers)}); name another with -o"
-        )
+    for beside in (_beside(target, "partial"), _beside(target, "old")):
+        if os.path.lexists(beside):
+            raise FileError(f"{beside}: is in the way, left by a run that was cut short or another's; remove it")
+    manifest.owned(target, COMMAND)
     return target
 
 
+def _beside(target: Path, kind: str) -> Path:
+    """The folder in which the new results are made, or in which the old ones wait until the new stand."""
+    return target.with_name(f".{target.name}.{kind}")
+
+
 def _swap(new: Path, target: Path) -> None:
-    """Put a complete folder in the target's place; the old one is gone only when the new one stands."""
-    old = target.with_name(f".{target.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    if target.exists():
-        target.rename(old)
-    try:
+    """Put a complete folder in the target's place; of the old one goes what its manifest lists, and nothing else."""
+    if not target.exists():
         new.rename(target)
-    except OSError:
-        if old.exists():
-            old.rename(target)
+        return
+    old = _beside(target, "old")
+    target.rename(old)
+    try:
+        listed = manifest.owned(old, COMMAND)  # once more: it took a while to compute
+        new.rename(target)
+    except BaseException:
+        old.rename(target)
         raise
-    shutil.rmtree(old, ignore_errors=True)
+    for name in (*listed, manifest.NAME):
+        (old / name).unlink(missing_ok=True)
+    old.rmdir()

@@ -1,8 +1,10 @@
 """What decides a directional claim: a statement about RMS curves, point by point, and how often it is true.
 
 Every test takes a `Scan`, the RMS of one response over the stiffness of one joint and the speed beside the
-traditional model's, and says at which points its statement is true. The share of true points makes the verdict. All
-comparisons are relative to the traditional model, so that the scale of the track's spectrum does not enter.
+traditional model's, and `Thresholds`, and says at which points its statement is true. The share of true points makes
+the verdict. All comparisons are relative to the traditional model, so that the scale of the track's spectrum does not
+enter. A larger threshold never makes a statement true at some point and false at another, `region` apart, which picks
+the points: `standing` relies on it.
 """
 
 from __future__ import annotations
@@ -10,22 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 import xarray as xr
 
 from freqrail.names import JOINTS
+from freqrail.replication.thresholds import CHOSEN, Thresholds
+from freqrail.replication.words import at_speed, extent, extreme, percent, place, where, whole
 
 HOLDS, PARTLY, FAILS = VERDICTS = ("holds", "holds partly", "does not hold")
 """What a claim can come to."""
-
-EVERYWHERE = 0.95  # share of points from which on a claim holds: one curve may stray at a point or two
-MOSTLY = 0.5  # share of points from which on it holds partly
-SAME = 0.05  # relative difference up to which two curves look the same in a printed figure
-SEEN = 1e-3  # relative difference from which on two curves do not coincide
-STEP = 1e-6  # relative change from which on a curve rises or falls: above the numbers' own error
-GREAT = 0.10  # relative difference that the paper's "great error" is taken to be
-ALIKE = 0.1  # of a normalised curve, up to which two speeds follow the same law
-REGION = 0.25  # of the range of speeds at either end: "low" and "high" speed
 
 OTHER_JOINT = 5.0  # MN/m, the joint that a study of the paper keeps (section VI)
 Places = dict[str, str | int]
@@ -53,6 +47,15 @@ class Scan:
 
 
 @dataclass(frozen=True)
+class Outcome:
+    """Where a statement is true, the numbers that decide, in words, and the names of the thresholds that entered."""
+
+    true: xr.DataArray
+    numbers: str
+    thresholds: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Finding:
     """What a claim came to: one of `VERDICTS`, the share of points where it is true, where that is, and the numbers."""
 
@@ -62,20 +65,28 @@ class Finding:
     numbers: str
 
 
-Outcome = tuple[xr.DataArray, str]  # where a statement is true, and the numbers that decide
-Test = Callable[[Scan], Outcome]
+Test = Callable[[Scan, Thresholds], Outcome]
 
 
-def finding(outcome: Outcome) -> Finding:
+def verdict_of(share: float, thresholds: Thresholds = CHOSEN) -> str:
+    """The verdict that a share of true points makes."""
+    return HOLDS if share >= thresholds.everywhere else PARTLY if share >= thresholds.mostly else FAILS
+
+
+def finding(outcome: Outcome, thresholds: Thresholds = CHOSEN) -> Finding:
     """The verdict of an outcome.
 
     A point whose RMS is NaN counts as one where the statement is not true; NaN in the outcome itself is no point.
     """
-    true, numbers = outcome
+    true = outcome.true
     share = float(true.mean())
-    counted = true.notnull()
-    verdict = HOLDS if share >= EVERYWHERE else PARTLY if share >= MOSTLY else FAILS
-    return Finding(verdict, share, where(true.fillna(0).astype(bool), counted), numbers)
+    found_where = where(true.fillna(0).astype(bool), true.notnull())
+    return Finding(verdict_of(share, thresholds), share, found_where, outcome.numbers)
+
+
+def plural(verdict: str, count: int) -> str:
+    """A verdict as a verb of so many claims: "30 hold", "1 holds"."""
+    return verdict if count == 1 else {HOLDS: "hold", PARTLY: "hold partly", FAILS: "do not hold"}[verdict]
 
 
 # --- what is read off a dataset --------------------------------------------------------------------
@@ -109,24 +120,28 @@ def own_rigid(response: str, joint: str) -> str:
     return f"rigid_{joint}_{response}_rms"
 
 
-def low(values: xr.DataArray) -> xr.DataArray:
-    """The part of `values` at low speed: the lowest quarter of the range."""
+def low(values: xr.DataArray, region: float = CHOSEN.region) -> xr.DataArray:
+    """The part of `values` at low speed: the lowest `region` of the range."""
     speed = values["speed"]
-    return values.sel(speed=speed[speed <= speed.min() + REGION * (speed.max() - speed.min())])
+    return values.sel(speed=speed[speed <= speed.min() + region * (speed.max() - speed.min())])
 
 
-def high(values: xr.DataArray) -> xr.DataArray:
-    """The part of `values` at high speed: the highest quarter of the range."""
+def high(values: xr.DataArray, region: float = CHOSEN.region) -> xr.DataArray:
+    """The part of `values` at high speed: the highest `region` of the range."""
     speed = values["speed"]
-    return values.sel(speed=speed[speed >= speed.max() - REGION * (speed.max() - speed.min())])
+    return values.sel(speed=speed[speed >= speed.max() - region * (speed.max() - speed.min())])
 
 
-def everywhere(values: xr.DataArray) -> xr.DataArray:
+def everywhere(values: xr.DataArray, region: float = CHOSEN.region) -> xr.DataArray:
     """All of `values`."""
     return values
 
 
-Region = Callable[[xr.DataArray], xr.DataArray]
+Region = Callable[[xr.DataArray, float], xr.DataArray]
+
+
+def _entering(name: str, region: Region) -> tuple[str, ...]:
+    return (name,) if region is everywhere else (name, "region")
 
 
 # --- the tests -------------------------------------------------------------------------------------
@@ -135,9 +150,9 @@ Region = Callable[[xr.DataArray], xr.DataArray]
 def below(region: Region) -> Test:
     """The model with joints has the smaller RMS."""
 
-    def test(s: Scan) -> Outcome:
-        d = region(s.departure)
-        return d < -STEP, f"departure from the traditional model {extent(d)}"
+    def test(s: Scan, t: Thresholds) -> Outcome:
+        d = region(s.departure, t.region)
+        return Outcome(d < -t.step, f"departure from the traditional model {extent(d)}", _entering("step", region))
 
     return test
 
@@ -145,9 +160,9 @@ def below(region: Region) -> Test:
 def above(region: Region) -> Test:
     """The model with joints has the larger RMS."""
 
-    def test(s: Scan) -> Outcome:
-        d = region(s.departure)
-        return d > STEP, f"departure from the traditional model {extent(d)}"
+    def test(s: Scan, t: Thresholds) -> Outcome:
+        d = region(s.departure, t.region)
+        return Outcome(d > t.step, f"departure from the traditional model {extent(d)}", _entering("step", region))
 
     return test
 
@@ -155,9 +170,10 @@ def above(region: Region) -> Test:
 def same(region: Region) -> Test:
     """Both models look the same."""
 
-    def test(s: Scan) -> Outcome:
-        d = region(s.departure)
-        return abs(d) <= SAME, f"departure {extent(d)}; up to {whole(SAME)} looks the same"
+    def test(s: Scan, t: Thresholds) -> Outcome:
+        d = region(s.departure, t.region)
+        numbers = f"departure {extent(d)}; up to {whole(t.same)} looks the same"
+        return Outcome(abs(d) <= t.same, numbers, _entering("same", region))
 
     return test
 
@@ -165,108 +181,109 @@ def same(region: Region) -> Test:
 def differs(region: Region) -> Test:
     """The models differ visibly."""
 
-    def test(s: Scan) -> Outcome:
-        d = region(s.departure)
-        return abs(d) > SAME, f"departure {extent(d)}; more than {whole(SAME)} is due"
+    def test(s: Scan, t: Thresholds) -> Outcome:
+        d = region(s.departure, t.region)
+        numbers = f"departure {extent(d)}; more than {whole(t.same)} is due"
+        return Outcome(abs(d) > t.same, numbers, _entering("same", region))
 
     return test
 
 
-def never_coincides(s: Scan) -> Outcome:
+def never_coincides(s: Scan, t: Thresholds) -> Outcome:
     """However stiff the joint, the curves stay apart."""
     d = abs(s.departure)
-    return d > SEEN, f"smallest distance {extreme(d, 'min', signed=False)}"
+    return Outcome(d > t.seen, f"smallest distance {extreme(d, 'min', signed=False)}", ("seen",))
 
 
-def falls(s: Scan) -> Outcome:
+def falls(s: Scan, t: Thresholds) -> Outcome:
     """Every step to a stiffer joint lowers the RMS."""
-    step = _steps(s.joint, s.rigid)
-    return step < -STEP, _change(s, "lowers")
+    return Outcome(_steps(s.joint, s.rigid) < -t.step, _change(s, "lowers"), ("step",))
 
 
-def rises(s: Scan) -> Outcome:
+def rises(s: Scan, t: Thresholds) -> Outcome:
     """Every step to a stiffer joint raises the RMS."""
-    step = _steps(s.joint, s.rigid)
-    return step > STEP, _change(s, "raises")
+    return Outcome(_steps(s.joint, s.rigid) > t.step, _change(s, "raises"), ("step",))
 
 
-def more_at_low_speed(s: Scan) -> Outcome:
+def more_at_low_speed(s: Scan, t: Thresholds) -> Outcome:
     """The models differ more at low speed than at high speed."""
-    slow, fast = abs(low(s.departure)).mean("speed"), abs(high(s.departure)).mean("speed")
-    return slow > fast, f"mean departure at low speed {extent(slow, False)}, at high speed {extent(fast, False)}"
+    slow, fast = (abs(part(s.departure, t.region)).mean("speed") for part in (low, high))
+    numbers = f"mean departure at low speed {extent(slow, False)}, at high speed {extent(fast, False)}"
+    return Outcome(slow > fast, numbers, ("region",))
 
 
-def grows_with_speed(s: Scan) -> Outcome:
+def grows_with_speed(s: Scan, t: Thresholds) -> Outcome:
     """What the joint's stiffness changes grows with speed."""
     span = s.span
     first, last = float(span[0]), float(span[-1])
-    numbers = f"softest to stiffest joint: {percent(first, False)} of the traditional RMS at {_speed(span, 0)}, "
-    return _growth(span), numbers + f"{percent(last, False)} at {_speed(span, -1)}"
+    numbers = f"softest to stiffest joint: {percent(first, False)} of the traditional RMS at {at_speed(span, 0)}, "
+    return Outcome(_growth(span, t), numbers + f"{percent(last, False)} at {at_speed(span, -1)}", ("step",))
 
 
-def same_law(s: Scan) -> Outcome:
+def same_law(s: Scan, t: Thresholds) -> Outcome:
     """At every speed the RMS runs alike from its value at the softest joint to that at the stiffest."""
     first, last = s.joint.isel(stiffness=0), s.joint.isel(stiffness=-1)
     course = ((s.joint - last) / (first - last)).isel(stiffness=slice(1, -1))
     off = abs(course - course.mean("speed"))
     numbers = "normalised from 1 at the softest to 0 at the stiffest joint, a speed's curve is off the mean by up to "
-    return off <= ALIKE, f"{numbers}{float(off.max()):.2g} ({_place(off, 'max')}); {ALIKE:g} passes as the same"
+    numbers += f"{float(off.max()):.2g} ({place(off, 'max')}); {t.alike:g} passes as the same"
+    return Outcome(off <= t.alike, numbers, ("alike",))
 
 
 def approaches(region: Region) -> Test:
     """Every step to a stiffer joint brings the model with joints nearer to the traditional one."""
 
-    def test(s: Scan) -> Outcome:
-        d = region(abs(s.departure))
-        softest, stiffest = d.isel(stiffness=0), d.isel(stiffness=-1)
-        numbers = f"distance {extent(softest, False)} with the softest, {extent(stiffest, False)} with the stiffest"
-        return d.diff("stiffness") < 0, f"{numbers} joint"
+    def test(s: Scan, t: Thresholds) -> Outcome:
+        d = region(abs(s.departure), t.region)
+        return Outcome(d.diff("stiffness") < -t.step, _distances(d), _entering("step", region))
 
     return test
 
 
-def recedes(s: Scan) -> Outcome:
+def recedes(s: Scan, t: Thresholds) -> Outcome:
     """The softer the joint, the nearer the two models."""
     d = abs(s.departure)
-    softest, stiffest = d.isel(stiffness=0), d.isel(stiffness=-1)
-    numbers = f"distance {extent(softest, False)} with the softest, {extent(stiffest, False)} with the stiffest joint"
-    return d.diff("stiffness") > 0, numbers
+    return Outcome(d.diff("stiffness") > t.step, _distances(d), ("step",))
 
 
-def slowly(s: Scan) -> Outcome:
+def slowly(s: Scan, t: Thresholds) -> Outcome:
     """Over the upper half of the stiffnesses hardly anything changes any more."""
     upper = s.departure.isel(stiffness=slice(s.departure.sizes["stiffness"] // 2, None))
     change = upper.isel(stiffness=-1) - upper.isel(stiffness=0)
     stiff = upper["stiffness"].values
     numbers = f"from {stiff[0]:g} to {stiff[-1]:g} MN/m the departure changes by {extent(change)}"
-    return abs(change) <= SAME, f"{numbers}; up to {whole(SAME)} counts as slow"
+    return Outcome(abs(change) <= t.same, f"{numbers}; up to {whole(t.same)} counts as slow", ("same",))
 
 
 def arrives(region: Region) -> Test:
     """With the stiffest joint the two models look the same."""
 
-    def test(s: Scan) -> Outcome:
-        d = region(s.departure.isel(stiffness=-1))
+    def test(s: Scan, t: Thresholds) -> Outcome:
+        d = region(s.departure.isel(stiffness=-1), t.region)
         stiffest = f"{float(s.departure['stiffness'][-1]):g} MN/m"
-        return abs(d) <= SAME, f"departure at {stiffest} {extent(d)}; up to {whole(SAME)} looks the same"
+        numbers = f"departure at {stiffest} {extent(d)}; up to {whole(t.same)} looks the same"
+        return Outcome(abs(d) <= t.same, numbers, _entering("same", region))
 
     return test
 
 
-def turns_away(s: Scan) -> Outcome:
+def turns_away(s: Scan, t: Thresholds) -> Outcome:
     """With a stiffer joint the distance from the traditional model first shrinks, then grows."""
     nearest, after = _turn(s)
     soft = abs(s.departure).isel(stiffness=0)
-    numbers = f"nearest by {extent(nearest, False)}, then away again by {extent(after, False)} of the traditional RMS"
-    return (soft - nearest > SEEN) & (after > SEEN), numbers
+    numbers = f"nearest by {extent(nearest, False)}, then away again by {_none_or(after)}"
+    return Outcome((soft - nearest > t.seen) & (after > t.seen), numbers, ("seen",))
 
 
-def turns_away_more_with_speed(s: Scan) -> Outcome:
+def turns_away_more_with_speed(s: Scan, t: Thresholds) -> Outcome:
     """That moving away grows with speed."""
     _, after = _turn(s)
-    numbers = f"away again by {percent(float(after[0]), False)} at {_speed(after, 0)}, "
-    numbers += f"{percent(float(after[-1]), False)} at {_speed(after, -1)}"
-    return _growth(after) & (after.isel(speed=slice(1, None)) > SEEN), numbers
+    numbers = f"away again by {percent(float(after[0]), False)} at {at_speed(after, 0)}, "
+    numbers += f"{percent(float(after[-1]), False)} at {at_speed(after, -1)}"
+    return Outcome(_growth(after, t) & (after.isel(speed=slice(1, None)) > t.seen), numbers, ("step", "seen"))
+
+
+# --- shared ----------------------------------------------------------------------------------------
 
 
 def _turn(s: Scan) -> tuple[xr.DataArray, xr.DataArray]:
@@ -276,12 +293,23 @@ def _turn(s: Scan) -> tuple[xr.DataArray, xr.DataArray]:
     return nearest, d.isel(stiffness=-1) - nearest
 
 
+def _none_or(after: xr.DataArray) -> str:
+    if float(after.max()) == 0:
+        return "nothing at any speed: the stiffest joint is the nearest"
+    return f"{extent(after, False)} of the traditional RMS"
+
+
 def _steps(joint: xr.DataArray, rigid: xr.DataArray) -> xr.DataArray:
     return joint.diff("stiffness") / rigid
 
 
-def _growth(values: xr.DataArray) -> xr.DataArray:
-    return values.diff("speed") > 0
+def _growth(values: xr.DataArray, t: Thresholds) -> xr.DataArray:
+    return values.diff("speed") > t.step
+
+
+def _distances(d: xr.DataArray) -> str:
+    softest, stiffest = d.isel(stiffness=0), d.isel(stiffness=-1)
+    return f"distance {extent(softest, False)} with the softest, {extent(stiffest, False)} with the stiffest joint"
 
 
 def _change(s: Scan, verb: str) -> str:
@@ -292,108 +320,3 @@ def _change(s: Scan, verb: str) -> str:
     if not bool(opposite.notnull().any()):
         return numbers
     return f"{numbers}; largest step the other way {extreme(opposite, 'max' if verb == 'lowers' else 'min')}"
-
-
-# --- words -----------------------------------------------------------------------------------------
-
-
-def plural(verdict: str, count: int) -> str:
-    """A verdict as a verb of so many claims: "30 hold", "1 holds"."""
-    return verdict if count == 1 else {HOLDS: "hold", PARTLY: "hold partly", FAILS: "do not hold"}[verdict]
-
-
-def percent(value: float, signed: bool = True) -> str:
-    """A ratio in per cent, two significant digits below ten."""
-    number = 100 * value
-    digits = 0 if abs(number) >= 99.5 else 1 if abs(number) >= 0.95 else 2
-    return f"{number:{'+' if signed else ''}.{digits}f} %".replace("-", "−")
-
-
-def whole(limit: float) -> str:
-    """A limit of this module in per cent, as it was chosen."""
-    return f"{100 * limit:g} %"
-
-
-def extent(values: xr.DataArray, signed: bool = True) -> str:
-    """Smallest and largest of `values` in per cent, each with its place."""
-    if not bool(values.notnull().any()):
-        return "no number"
-    if values.size == 1:
-        return percent(float(values), signed)
-    return f"{extreme(values, 'min', signed)} to {extreme(values, 'max', signed)}"
-
-
-def extreme(values: xr.DataArray, which: str, signed: bool = True) -> str:
-    """The "min" or "max" of `values` in per cent with its place."""
-    if not bool(values.notnull().any()):
-        return "none"
-    place = _place(values, which)
-    return percent(float(getattr(values, which)()), signed) + (f" ({place})" if place else "")
-
-
-def _place(values: xr.DataArray, which: str) -> str:
-    """Where `values` have their "min" or "max"."""
-    if not bool(values.notnull().any()):
-        return "no number"
-    flat = {"min": np.nanargmin, "max": np.nanargmax}[which](values.values)
-    index = np.unravel_index(flat, values.shape)
-    return ", ".join(_label(values, str(dim), int(i)) for dim, i in zip(values.dims, index, strict=True))
-
-
-_UNITS = {"speed": " km/h", "stiffness": " MN/m"}
-
-
-def _label(values: xr.DataArray, dim: str, index: int) -> str:
-    value = values[dim].values[index]
-    return f"{value:g}{_UNITS[dim]}" if dim in _UNITS else str(value).replace("_", " ")
-
-
-def _speed(values: xr.DataArray, index: int) -> str:
-    return _label(values, "speed", index)
-
-
-def where(true: xr.DataArray, counted: xr.DataArray) -> str:
-    """Where a statement is true, in words: speeds by stiffness or response; the exceptions where those are fewer."""
-    found, points = int(true.sum()), int(counted.sum())
-    if found == points:
-        return "at every point"
-    if not found:
-        return "nowhere"
-    words = _regions(true) if found <= MOSTLY * points else f"all but {_regions(~true & counted)}"
-    return f"at {found} of {points}: {words}"
-
-
-def _regions(true: xr.DataArray) -> str:
-    """Points as text, rows with the same speeds together."""
-    rows = [str(dim) for dim in true.dims if dim != "speed"]
-    if not rows:
-        return _ranges(true)
-    if len(rows) > 1:  # too many to name each
-        counts = true.sum([dim for dim in true.dims if dim != rows[0]])
-        labels = (f"{_label(true, rows[0], i)} at {int(n)}" for i, n in enumerate(counts.values) if n)
-        return "; ".join(labels)
-    by_speeds: dict[str, list[str]] = {}
-    for i in range(true.sizes[rows[0]]):
-        line = true.isel({rows[0]: i})
-        if bool(line.any()):
-            by_speeds.setdefault(_ranges(line) if line.ndim else "", []).append(_label(true, rows[0], i))
-    # the unit once: "1, 5 MN/m" rather than "1 MN/m, 5 MN/m"
-    groups = {speeds: _listed(labels) for speeds, labels in by_speeds.items()}
-    return "; ".join(f"{labels} at {speeds}" if speeds else labels for speeds, labels in groups.items())
-
-
-def _listed(labels: list[str]) -> str:
-    *first, last = labels
-    return f"{', '.join(label.removesuffix(_UNITS['stiffness']) for label in first)} and {last}" if first else last
-
-
-def _ranges(line: xr.DataArray) -> str:
-    """The speeds at which `line` is true, as ranges."""
-    values = line["speed"].values
-    if bool(line.all()):
-        return "all speeds"
-    true = np.concatenate([[False], line.values.astype(bool), [False]])
-    edges = np.flatnonzero(np.diff(true.astype(int)))
-    pairs = zip(edges[::2], edges[1::2] - 1, strict=True)
-    texts = [f"{values[a]:g}" if a == b else f"{values[a]:g}-{values[b]:g}" for a, b in pairs]
-    return f"{', '.join(texts)} km/h"

@@ -73,7 +73,7 @@ def printed_rms(
     """
     model = printed_state_space(vehicle, signs)
     poles = np.linalg.eigvals(model.a)
-    rows = readout(half_vehicle(vehicle), model, vehicle)
+    rows, _ = readout(half_vehicle(vehicle), model, vehicle)
     if poles.real.max() >= 0:
         return np.full((len(rows), speed.size), np.nan)
     return response_rms(model, rows, poles, vehicle, spectrum, speed, band)

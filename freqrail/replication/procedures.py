@@ -72,7 +72,7 @@ def run(
     rigid = np.array([bool(np.isinf(vehicle.primary_joint_stiffness)) for vehicle in vehicles])
     systems = [half_vehicle(vehicle) for vehicle in vehicles]
     models = [state_space(system) for system in systems]
-    rows = [readout(*each) for each in zip(systems, models, vehicles, strict=True)]
+    rows = [readout(*each)[0] for each in zip(systems, models, vehicles, strict=True)]
     shape = (len(vehicles), speeds.size)
     result = np.empty((*shape, len(rows[0]), procedure.records))
     tracks = [_tracks(procedure, vehicles, spectrum, float(speed), limits, seed) for speed in speeds]

@@ -15,6 +15,7 @@ import xarray as xr
 from freqrail.names import RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.claims import (
+    BOGIE,
     CAR,
     CLAIMS,
     PAPER_POINT,
@@ -25,32 +26,27 @@ from freqrail.replication.claims import (
     SECONDARY_STROKE,
     Claim,
 )
-from freqrail.replication.document import Block, Bullets, Heading, Image, Paragraph, Table
+from freqrail.replication.document import Block, Bullets, Heading, Image, Paragraph, Table, anchor
+from freqrail.replication.explanation import TITLES, explained
 from freqrail.replication.figures import Picture
 from freqrail.replication.judging import (
-    ALIKE,
-    EVERYWHERE,
     FAILS,
-    GREAT,
     HOLDS,
-    MOSTLY,
     OTHER_JOINT,
     PARTLY,
-    REGION,
-    SAME,
-    SEEN,
     VERDICTS,
     Finding,
-    extent,
-    extreme,
     high,
     low,
     plural,
-    whole,
 )
+from freqrail.replication.mechanism import Mechanism
 from freqrail.replication.procedures import DURATION
+from freqrail.replication.standing import Standing
 from freqrail.replication.studies import TABLE_I
+from freqrail.replication.thresholds import CHOSEN, KNIFE_EDGE, MEANING, PLAUSIBLE
 from freqrail.replication.variations import Variation
+from freqrail.replication.words import extent, extreme, whole
 from freqrail.summary import largest_error, number
 from freqrail.vehicle import Vehicle, poles
 
@@ -63,6 +59,8 @@ _PAPER = (
 def compose(
     datasets: Mapping[str, xr.Dataset],
     findings: Mapping[str, Finding],
+    standing: Mapping[str, Standing],
+    mechanism: Mechanism,
     variations: Sequence[Variation],
     pictures: Sequence[Picture],
     vehicle: Vehicle,
@@ -70,14 +68,15 @@ def compose(
 ) -> list[Block]:
     """The report's blocks.
 
-    findings: of all claims by key. vehicle: the paper's. left_out: what this run did not do, in words.
+    findings, standing: of all claims by key. vehicle: the paper's. left_out: what this run did not do, in words.
     """
     by_verdict = {verdict: [c for c in CLAIMS if findings[c.key].verdict == verdict] for verdict in VERDICTS}
     return [
         Heading(1, "The paper's study, redone and judged claim by claim"),
-        *_opening(datasets, by_verdict, left_out),
-        *_held(by_verdict, findings),
+        *_opening(datasets, by_verdict, standing, left_out),
+        *_held(by_verdict, findings, standing),
         *_contradictions(datasets["grid"]),
+        *explained(mechanism),
         *_reasons(findings, variations, vehicle),
         Heading(2, "Figures of the paper"),
         *_images(pictures, paper=True),
@@ -88,7 +87,10 @@ def compose(
 
 
 def _opening(
-    datasets: Mapping[str, xr.Dataset], by_verdict: Mapping[str, Sequence[Claim]], left_out: str
+    datasets: Mapping[str, xr.Dataset],
+    by_verdict: Mapping[str, Sequence[Claim]],
+    standing: Mapping[str, Standing],
+    left_out: str,
 ) -> list[Block]:
     grid = datasets["grid"]
     points = grid["status"].size
@@ -102,17 +104,33 @@ def _opening(
             f"number has an error estimate, the largest being {largest_error(grid):.1e}."
         ),
         Paragraph(f"Of the paper's {len(CLAIMS)} directional claims {counts}."),
+        Paragraph(_edges(by_verdict, standing)),
+        Paragraph(
+            "Each claim stands beside the paper's own sentence with its section, so that the reading can be checked. "
+            "The numbers are those of a vehicle on a rigid rail, as in the paper: see "
+            f"[{TITLES[1].lower()}](#{anchor(TITLES[1])})."
+        ),
     ]
     if left_out:
         blocks.append(Paragraph(f"**{left_out}**"))
     return blocks
 
 
+def _edges(by_verdict: Mapping[str, Sequence[Claim]], standing: Mapping[str, Standing]) -> str:
+    """How many verdicts are knife edges, and what that is."""
+    counts = {verdict: sum(bool(standing[c.key].knife_edges) for c in claims) for verdict, claims in by_verdict.items()}
+    parts = [f"{count} of those that {plural(verdict, 2)}" for verdict, count in counts.items()]
+    return f"**{sum(counts.values())} of these verdicts are knife edges**: {', '.join(parts)}. {KNIFE_EDGE}"
+
+
 # --- the claims ------------------------------------------------------------------------------------
 
 
-def _held(by_verdict: Mapping[str, Sequence[Claim]], findings: Mapping[str, Finding]) -> list[Block]:
+def _held(
+    by_verdict: Mapping[str, Sequence[Claim]], findings: Mapping[str, Finding], standing: Mapping[str, Standing]
+) -> list[Block]:
     titles = {HOLDS: "What holds", PARTLY: "What holds partly", FAILS: "What does not hold"}
+    head = ("claim", "the paper's words", "read as", "verdict", "true where", "numbers that decide", "stands while")
     blocks: list[Block] = []
     for verdict, claims in by_verdict.items():
         blocks.append(Heading(2, titles[verdict]))
@@ -122,9 +140,18 @@ def _held(by_verdict: Mapping[str, Sequence[Claim]], findings: Mapping[str, Find
         rows = []
         for claim in claims:
             found = findings[claim.key]
-            rows.append([claim.key, claim.text, found.verdict, found.where, found.numbers])
-        blocks.append(Table(("claim", "the paper says", "verdict", "true where", "numbers that decide"), rows))
+            quoted = f"“{claim.quotation}” ({claim.section}, {claim.item})"
+            row = [claim.key, quoted, claim.text, found.verdict, found.where, found.numbers, _firm(standing[claim.key])]
+            rows.append(row)
+        blocks.append(Table(head, rows))
     return blocks
+
+
+def _firm(standing: Standing) -> str:
+    """The ranges of its thresholds in which a verdict stands, and whether it is a knife edge."""
+    if not standing.knife_edges:
+        return standing.words
+    return f"{standing.words}. **Knife edge**: {', '.join(MEANING[name][0] for name in standing.knife_edges)}"
 
 
 def _contradictions(grid: xr.Dataset) -> list[Block]:
@@ -140,6 +167,29 @@ def _contradictions(grid: xr.Dataset) -> list[Block]:
             f"traditional one at low speed. Computed, it lies below at {under} of {slow.size} points of low "
             f"speed (departure {extent(slow)}), and with the stiffest joint it is still {extent(last)} off."
         )
+    for joint, section, words in (
+        (PRIMARY, "VI.A 2d with 2e against VII 2b", "above the traditional model at high speed and rises"),
+        (SECONDARY, "VI.B 2c with 2e against VII 2b", "below the traditional model at low speed and falls"),
+    ):
+        scan = judging.scan(grid, BOGIE, joint)
+        part = high(scan.departure) if joint == PRIMARY else low(scan.departure)
+        d = abs(part)
+        items.append(
+            f"**Bogie frame and {joint.split('_')[0]} joint ({section}).** What lies {words} as the joint stiffens "
+            "moves away from the traditional model; yet stiff joints are said to make the models agree. Computed at "
+            f"those speeds: departure with the softest joint {extent(part.isel(stiffness=0))}, with the stiffest "
+            f"{extent(part.isel(stiffness=-1))}; a stiffer joint moves it away in "
+            f"{int((d.diff('stiffness') > 0).sum())} of {d.diff('stiffness').size} steps."
+        )
+    scan = judging.scan(grid, BOGIE, SECONDARY)
+    items.append(
+        "**Bogie frame and secondary joint (VI.B 2c with 2e against 2d with 2f).** What falls as the joint stiffens "
+        "moves away from the traditional model where it lies below it, as is said of low speed, and nears it only "
+        "where it lies above; yet it is said to near it at high speed, and to follow one law at every speed. Computed, "
+        "it lies below at "
+        f"{int((low(scan.departure) < 0).sum())} of {low(scan.departure).size} points of low speed and above at "
+        f"{int((high(scan.departure) > 0).sum())} of {high(scan.departure).size} of high speed."
+    )
     primary = judging.scan(grid, CAR, PRIMARY)
     fast = abs(high(primary.departure))
     span = primary.span
@@ -169,11 +219,11 @@ def _contradictions(grid: xr.Dataset) -> list[Block]:
     items.append(
         "**Secondary stroke and primary joint (VI.A 3a against VII 1).** What hardly changes with a joint is not "
         f"significantly affected by it. Computed, the departure is {extent(apart, False)}: up to "
-        f"{whole(SAME)} at all points but {int((apart > SAME).sum())} of {apart.size}, by which VII 1 holds."
+        f"{whole(CHOSEN.same)} at all points but {int((apart > CHOSEN.same).sum())} of {apart.size}."
     )
     return [
         Heading(2, "Where the paper contradicts itself"),
-        Paragraph("Pairs of claims of which at most one can be true, whatever the numbers:"),
+        Paragraph("Claims that cannot all be true, whatever the numbers:"),
         Bullets(items),
     ]
 
@@ -215,7 +265,7 @@ def _reasons(findings: Mapping[str, Finding], variations: Sequence[Variation], v
         Table(("question", "variation", "hold / partly / not", "claims that change verdict", "what else"), rows),
         Heading(3, "Claims that do not hold, and what would make them"),
         Table(
-            ("claim", "the paper says", "holds at least partly under"),
+            ("claim", "read as", "holds at least partly under"),
             [
                 [
                     c.key,
@@ -340,16 +390,32 @@ def _method(datasets: Mapping[str, xr.Dataset]) -> list[Block]:
                 f"Responses: {responses}; read at {where}. Stiffnesses: {stiff} MN/m. The point of section V: {point}.",
                 "Departure: RMS with joints over RMS of the traditional model (rigid joints), less one. The scale of "
                 "the track's spectrum does not enter it.",
-                f"A claim holds if it is true at {whole(EVERYWHERE)} of its points or more, partly from "
-                f"{whole(MOSTLY)} on. Points are stiffnesses times speeds, or steps between them.",
-                f"Low and high speed: the lowest and the highest {whole(REGION)} of the range "
-                f"({_range(low(grid['speed']))} and {_range(high(grid['speed']))} km/h).",
-                f"Practically equal: within {whole(SAME)}; coincident: within {whole(SEEN)}; a great "
-                f"error: above {whole(GREAT)}; the same law: within {ALIKE:g} of the mean normalised curve.",
+                "Points are stiffnesses times speeds, or steps between them. Every verdict hangs on thresholds, each "
+                "a choice; the table gives what was chosen and how far another reader's choice may plausibly lie from "
+                "it. The column “stands while” gives for each claim the range of its thresholds, one at a time, "
+                "within which its verdict is the same; what is not named there changes nothing.",
+                f"Low and high speed as chosen: {_range(low(grid['speed']))} and {_range(high(grid['speed']))} km/h.",
                 f"Files: {', '.join(f'`{name}.nc`' for name in datasets)}; `freqrail replicate` makes all of this.",
             ]
         ),
+        Table(
+            ("threshold", "what it is", "chosen", "plausible"),
+            [
+                [
+                    words,
+                    meaning,
+                    _threshold(name, getattr(CHOSEN, name)),
+                    " to ".join(_threshold(name, end) for end in PLAUSIBLE[name]),
+                ]
+                for name, (words, meaning) in MEANING.items()
+            ],
+        ),
     ]
+
+
+def _threshold(name: str, value: float) -> str:
+    """A threshold as the claims' table writes it: one on normalised curves is a plain number."""
+    return f"{value:.3g}" if name == "alike" else f"{100 * value:.3g} %"
 
 
 def _range(values: xr.DataArray) -> str:

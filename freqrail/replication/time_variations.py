@@ -19,7 +19,7 @@ from freqrail.replication.claims import BOGIE, CAR, RESPONSE_NAMES, judge_all
 from freqrail.replication.judging import OTHER_JOINT, Finding
 from freqrail.replication.procedures import DURATION, Procedure, run
 from freqrail.replication.variations import Variation, relabelled
-from freqrail.timedomain import SERIES_COUNT
+from freqrail.timedomain import PAPER, series_count
 from freqrail.track import Band, band_limits
 
 SPEEDS = (100.0, 120.0, 150.0, 180.0, 200.0, 220.0, 250.0, 280.0, 300.0)  # km/h
@@ -146,7 +146,7 @@ def _variation(
     judged: list[Mapping[str, Finding]] = []
     first = None
     for record in range(records):
-        grid = np.full((*(exact.sizes[key] for key in JOINTS), SERIES_COUNT, len(SPEEDS)), np.nan)
+        grid = np.full((*(exact.sizes[key] for key in JOINTS), series_count(PAPER), len(SPEEDS)), np.nan)
         for pair, values in zip(pairs, joint[..., record], strict=True):
             grid[pair] = values
         varied = relabelled(exact, grid, rigid[..., record])

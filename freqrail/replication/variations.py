@@ -22,10 +22,11 @@ from freqrail.errors import FreqrailWarning
 from freqrail.names import JOINTS, RESPONSES
 from freqrail.replication import judging, printed
 from freqrail.replication.claims import judge_all
-from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places, percent
+from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places
 from freqrail.replication.studies import CASE
+from freqrail.replication.words import percent
 from freqrail.response import SERIES
-from freqrail.timedomain import RESPONSES as IN_ORDER
+from freqrail.timedomain import PAPER as IN_ORDER
 from freqrail.track import Band
 
 # The field's contact constants G = c R^e in m/N^(2/3), R the wheel radius in m: conical and worn tread.

@@ -1,7 +1,8 @@
 """Benchmarks: `python -m tests.bench` prints what freqrail costs beside other ways to the same numbers.
 
 Speeds are ratios to the loop a user would write, timed in the same run, for machines differ and are noisy; nothing
-is asserted. Errors are against integrals and sums of residues of the tests' own, which share no code with freqrail's.
+is asserted. Errors are against integrals and sums of residues of `tests/independent.py`, which imports nothing of
+freqrail.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from freqrail import grid
 from freqrail.names import RESPONSES
 from freqrail.study import Study
 from tests.bench.peers import PEERS, user_loop
-from tests.helpers import reference_rms, residue_rms
+from tests.independent import PAPER, SPEED, TRACK, band_rms, state_matrices, whole_axis_rms
 
 NAMES = tuple(name for name, response in RESPONSES.items() if response.paper)
 BANDS = {"0.1-100 Hz": (0.1, 100.0), "whole axis": None}
@@ -62,7 +63,7 @@ def peers(case, runs: int) -> None:
     """Points per second and errors of every peer on the paper's case at 250 km/h."""
     print("\npaper's case at 250 km/h, eleven series                 points/s    x loop   largest relative error")
     for words, band in BANDS.items():
-        exact = np.concatenate([independent(case, band)[name] for name in NAMES])
+        exact = np.concatenate([independent(band)[name] for name in NAMES])
         loop = median(partial(user_loop, case.vehicle, case.speed, case.spectrum, band), runs)
         for name, peer in PEERS.items():
             package = next((p for key, p in NEEDS.items() if name.startswith(key)), None)
@@ -77,11 +78,11 @@ def peers(case, runs: int) -> None:
         row(words, "freqrail, this point alone", 1 / median(here, runs), loop, np.max(np.abs(here() / exact - 1)))
 
 
-def independent(case, band) -> dict[str, np.ndarray]:
-    """The case's RMS values from the assembled 26-state model, by quadrature or residues of the tests' own."""
+def independent(band) -> dict[str, np.ndarray]:
+    """The paper's RMS values at 250 km/h, by quadrature or residues that know nothing of freqrail."""
     if band:
-        return reference_rms(case.vehicle, case.spectrum, case.speed, *(2 * np.pi * f for f in band))
-    return residue_rms(case.vehicle, case.spectrum, case.speed)
+        return band_rms(PAPER, TRACK, SPEED, *(2 * np.pi * f for f in band))
+    return whole_axis_rms(PAPER, *state_matrices(PAPER), TRACK, SPEED)
 
 
 def row(words: str, name: str, rate: float, loop: float, error: float) -> None:

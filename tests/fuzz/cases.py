@@ -17,10 +17,10 @@ import pint
 
 import freqrail
 from freqrail.case import Case, build_case
-from freqrail.casefile import shipped_cases
 from freqrail.errors import FreqrailError, FreqrailWarning
-from freqrail.names import PARAMETERS, SWEEPABLE
+from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
 from freqrail.points import parse_point
+from freqrail.shipped import shipped_cases
 from freqrail.summary import case_derived, mode_records, printable
 
 SECONDS = 10  # that one input may take
@@ -45,11 +45,56 @@ NUMBERS = (
     "600,5",
     "1_000",
 )
-NUMBERS += ("0x10", "1e", "1.2.3", "٣", "1" * 40, "2*3", "1/3", "", "+5", "5.", ".5", "250", "1e15", "7e-9")
+NUMBERS += (
+    "1e-300",
+    "1e300",
+    "1e-9",
+    "1e9",
+    "0x10",
+    "1e",
+    "1.2.3",
+    "٣",
+    "1" * 40,
+    "2*3",
+    "1/3",
+    "",
+    "+5",
+    "5.",
+    ".5",
+    "250",
+    "1e15",
+    "7e-9",
+)
+NUMBERS += ("1e-300", "1e300", "1e-9", "1e9")
 UNITS = ("kg", "t", "kg*m^2", "N/m", "kN/m", "MN/m", "mN/m", "GN/m", "N*s/m", "kN*s/m", "km/h", "m/s", "m", "mm", "Hz")
 UNITS += ("rad/m", "m^2*rad/m", "m/N^(2/3)", "", "kX", "ton", "dB", "degC", "m^9^9", "(m", "5 m", "lbf/inch", "µm", "%")
 AXES = ("{0}:{1}:{2} {u}", "{0}, {1}, {2} {u}", "lin:{0}:{1}:{2} {u}", "log:{0}:{1}:{2} {u}", "{0} {u}", "{0}:{1} {u}")
-TOKENS = ('"', "'", '"""', "=", "[", "]", "[[", "{", "}", "#", "\n", "\r", "\\", "\\u0000", "\x1b", "\0", "é", "\u2028")
+TOKENS = (
+    "\ufffe",
+    "\uffff",
+    "\U0001fffe",
+    "\x0b",
+    "\udcff",
+    '"',
+    "'",
+    '"""',
+    "=",
+    "[",
+    "]",
+    "[[",
+    "{",
+    "}",
+    "#",
+    "\n",
+    "\r",
+    "\\",
+    "\\u0000",
+    "\x1b",
+    "\0",
+    "é",
+    "\u2028",
+)
+TOKENS += ("\ufffe", "\uffff", "\U0001fffe", "\x0b", "\udcff")
 TOKENS += (
     ".",
     ",",
@@ -186,12 +231,15 @@ def one(text: str, settings: dict[str, str], over: dict[str, str], point: str, c
     if not compute or math.prod(a.values.size for a in case.axes) > SMALL:
         return "accepted"
     result = freqrail.sweep(case)
-    for name, variable in result.data_vars.items():
-        if name.endswith("_rms"):
-            status = result["traditional_status" if name.startswith("traditional") else "status"]
-            numbers = np.isfinite(variable.values).reshape(*status.shape, -1)
-            assert np.all(numbers.all(axis=-1) == (status.values == 0)), f"{name}: a number without a promise"
-            assert not np.any(variable.values < 0), f"{name}: below 0"
+    for prefix in ("", "traditional_"):
+        status = result[f"{prefix}status"]
+        whole = np.ones(status.shape, dtype=bool)
+        for name in (f"{prefix}{response}_rms" for response in RESPONSES if f"{prefix}{response}_rms" in result):
+            values, errors = result[name].values, result[f"{name}_relative_error"].values
+            whole &= np.isfinite(values).reshape(*status.shape, -1).all(axis=-1)
+            assert np.array_equal(np.isfinite(values), errors <= 1e-6), f"{name}: a number without a promise"
+            assert not np.any(values < 0), f"{name}: below 0"
+        assert np.array_equal(whole, status.values == 0), f"{prefix}status: does not fit the numbers"
     return "computed"
 
 
@@ -233,3 +281,6 @@ def check_value(name: str, text: str, found: float) -> None:
     assert found == expected or math.isclose(found, expected, rel_tol=1e-12), f"{name}: {text!r} read as {found!r}"
     parameter = PARAMETERS[name]
     assert parameter.lower <= found <= parameter.upper * (1 + 1e-9), f"{name}: {text!r} is out of bounds"
+    low, high = parameter.plausible
+    inside = low * (1 - 1e-9) <= found <= high * (1 + 1e-9)
+    assert inside or found == 0 or (parameter.infinite and math.isinf(found)), f"{name}: {text!r} is out of its range"

@@ -17,6 +17,7 @@ from freqrail.names import JOINTS, RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.claims import CLAIMS, PAPER_POINT
 from freqrail.replication.judging import FAILS, HOLDS, PARTLY, VERDICTS
+from freqrail.replication.thresholds import CHOSEN
 
 CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE = (name for name, response in RESPONSES.items() if response.paper)
 PRIMARY, SECONDARY = JOINTS
@@ -108,7 +109,7 @@ SURFACES: dict[str, tuple[str, str, tuple[Surface, Surface]]] = {
     "VI.B 2b": (BOGIE, SECONDARY, AT_LOW_SPEED),
     "VI.B 2c": (BOGIE, SECONDARY, LOW_BELOW),
     "VI.B 2d": (BOGIE, SECONDARY, NEARER),
-    "VI.B 2e": (BOGIE, SECONDARY, RISING),
+    "VI.B 2e": (BOGIE, SECONDARY, FALLING),
     "VI.B 2f": (BOGIE, SECONDARY, ONE_LAW),
     "VI.B 3a": (SECONDARY_STROKE, SECONDARY, NEARER),
     "VI.B 3b": (SECONDARY_STROKE, SECONDARY, ARRIVES),
@@ -189,7 +190,7 @@ def test_a_claim_holds_where_it_is_true_and_fails_where_it_is_not(claim):
     assert (true.verdict, true.share) == (HOLDS, 1.0)
     assert true.where == "at every point"
     assert false.verdict == FAILS
-    assert false.share < judging.MOSTLY
+    assert false.share < CHOSEN.mostly
     assert true.numbers
     assert true.numbers != false.numbers
 

@@ -10,7 +10,7 @@ import pytest
 from freqrail import grid
 from freqrail.replication import printed
 from freqrail.study import Study
-from freqrail.timedomain import RESPONSES, readout
+from freqrail.timedomain import PAPER, readout
 from freqrail.vehicle import half_vehicle, state_space
 
 
@@ -71,17 +71,17 @@ def test_the_same_quadrature_gives_the_right_equations_their_known_rms(paper_veh
     speed = np.array([100, 250]) / 3.6
     system = half_vehicle(paper_vehicle)
     model = state_space(system)
-    rows = readout(system, model, paper_vehicle)
+    rows, _ = readout(system, model, paper_vehicle)
     poles = np.linalg.eigvals(model.a)
     found = printed.response_rms(model, rows, poles, paper_vehicle, paper_case.spectrum, speed, paper_case.band)
-    known = grid.solve(Study(paper_vehicle, speed, paper_case.spectrum, paper_case.band, RESPONSES)).rms
-    np.testing.assert_allclose(found, np.concatenate([known[name] for name in RESPONSES]), rtol=1e-6)
+    known = grid.solve(Study(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
+    np.testing.assert_allclose(found, np.concatenate([known[name] for name in PAPER]), rtol=1e-6)
 
 
 def test_wrong_signs_change_the_numbers_where_they_are_stable(paper_vehicle, paper_case):
     speed = np.array([250 / 3.6])
     found = printed.printed_rms(paper_vehicle, paper_case.spectrum, speed, paper_case.band)[:, 0]
-    known = grid.solve(Study(paper_vehicle, speed, paper_case.spectrum, paper_case.band, RESPONSES)).rms
+    known = grid.solve(Study(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
     bogies = known["bogie_acceleration"][:, 0]
     assert found[3] / bogies[0] > 2
     assert found[3] != pytest.approx(found[4], rel=0.5)  # front and rear bogie are no longer alike

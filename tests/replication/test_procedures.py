@@ -51,7 +51,7 @@ def test_an_exact_run_is_what_tight_integration_gives(short, paper_vehicle, pape
         atol=1e-12,
         max_step=0.001,
     )
-    expected = np.sqrt(np.mean(np.square(readout(system, model, paper_vehicle) @ solution.y), axis=1))
+    expected = np.sqrt(np.mean(np.square(readout(system, model, paper_vehicle)[0] @ solution.y), axis=1))
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
@@ -70,7 +70,7 @@ def test_runge_kutta_abreast_takes_the_steps_that_scipy_takes_alone(short, paper
             rtol=RELATIVE,
             atol=ABSOLUTE,
         )
-        y = np.square(readout(system, model, vehicle) @ alone.y)
+        y = np.square(readout(system, model, vehicle)[0] @ alone.y)
         expected = np.sqrt(np.sum((y[:, 1:] + y[:, :-1]) / 2 * np.diff(alone.t), axis=1))
         # the kinks of the track turn a last bit of a step into more
         np.testing.assert_allclose(rms, expected, rtol=1e-4)

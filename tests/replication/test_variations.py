@@ -12,7 +12,7 @@ from freqrail.replication.judging import FAILS, HOLDS, PARTLY, Finding
 from freqrail.replication.procedures import Procedure
 from freqrail.replication.time_variations import Trial
 from freqrail.replication.variations import Variation, beside_own_rigid, relabelled
-from freqrail.timedomain import RESPONSES
+from freqrail.timedomain import PAPER
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +40,8 @@ def test_changes_are_counted_by_track():
 
 
 def test_the_exact_values_relabelled_change_no_verdict(exact):
-    joint = np.concatenate([exact[f"{name}_rms"].transpose(..., "speed").values for name in RESPONSES], axis=2)
-    rigid = np.concatenate([exact[f"traditional_{name}_rms"].transpose(..., "speed").values for name in RESPONSES])
+    joint = np.concatenate([exact[f"{name}_rms"].transpose(..., "speed").values for name in PAPER], axis=2)
+    rigid = np.concatenate([exact[f"traditional_{name}_rms"].transpose(..., "speed").values for name in PAPER])
     assert judge_all({"grid": relabelled(exact, joint, rigid)}) == judge_all({"grid": exact})
 
 
@@ -49,7 +49,7 @@ def test_a_joints_own_effect_is_judged_beside_the_vehicle_with_that_joint_rigid(
     """It about halves from 50 to 100 MN/m; the one from the traditional model keeps what the other joint does."""
     own = beside_own_rigid(exact)
     for joint in JOINTS:
-        for name in RESPONSES:
+        for name in PAPER:
             alone, both = (abs(judging.scan(d, name, joint).departure).mean("speed") for d in (own, exact))
             assert 0.4 < float(alone.sel(stiffness=100) / alone.sel(stiffness=50)) < 0.6
             assert float(both.sel(stiffness=100) / both.sel(stiffness=50)) > 0.65
