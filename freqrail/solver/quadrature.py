@@ -8,7 +8,7 @@ every speed, and the speed axis is a matrix product over the nodes. Panels, the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,16 @@ def shape_of(values: Values) -> tuple[int, ...]:
 
 
 def mean_squares(
-    reduction: Reduction, values: Values, nodes: Iterable[WeightedNodes], lost: Array | float = ROUNDING
+    reduction: Reduction,
+    values: Values,
+    nodes: Iterable[WeightedNodes],
+    lost: Mapping[str, Array] | Array | float = ROUNDING,
 ) -> dict[str, MeanSquare]:
     """Mean squares of every output of a reduction for a grid of vehicles.
 
     values: by parameter, broadcasting to [grid...]; the wheels stand in one geometry, that of the nodes. lost: relative
-    errors that rounding leaves, see `rms.rounding`. Returns {output: MeanSquare}, [labels, grid..., speeds].
+    errors that rounding leaves, for all outputs or by name, see `nodes.lost`. Returns {output: MeanSquare},
+    [labels, grid..., speeds].
 
     The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
     min(1, (CAUTION d)^1.5). d sums the differences of the columns without their signs, so that they cannot cancel.
@@ -73,9 +77,10 @@ def mean_squares(
                 if weight:
                     value[label] += weight * total
                     difference[label] += abs(weight) * apart
+        own = lost[output.name] if isinstance(lost, Mapping) else lost
         with np.errstate(invalid="ignore", divide="ignore"):
             steep = CAUTION * (difference / np.abs(value))
-        result[output.name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + lost))
+        result[output.name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + own))
     return result
 
 

@@ -1,6 +1,6 @@
 """The general kernel against the chains, alone and in one run: 100 x 100 joint stiffnesses x 100 speeds, 0.1 to 100 Hz.
 
-    python -m tests.bench.kernel
+python -m tests.bench.kernel
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ def paper_study(count: int = 100, speeds: int = 100) -> Study:
     """The paper's grid: joints 0.5 to 100 MN/m, 100 to 300 km/h."""
     case = freqrail.load_case("yu-damper-joint")
     joints = np.geomspace(0.5e6, 100e6, count)
-    vehicle = replace(
-        case.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[None, :]
-    )
+    vehicle = replace(case.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[None, :])
     speed = np.linspace(100, 300, speeds) / 3.6
     return Study(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(SERIES)[:4])
 
