@@ -1,0 +1,157 @@
+"""Mean squares of the responses over a frequency band, by quadrature over the blocks' scalars.
+
+sigma^2 = integral of |T|^2 G d omega, with |T|^2 a sum of columns (`reduction.columns`): the powers of a vehicle serve
+every speed, and the speed axis is a matrix product over the nodes. Panels, the rule and its error estimate are those of
+`rms`; the nodes follow the poles of the vehicles and the longest lag.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.model.elements import Values
+from freqrail.reduction.columns import Column, Reduction
+from freqrail.rms import CAUTION, ROUNDING, SPEEDS, TILE, MeanSquare, WeightedNodes
+from freqrail.solver.response import Number, Scalars, column, scalars, unsound
+
+Array = NDArray[np.float64]
+
+
+def shape_of(values: Values) -> tuple[int, ...]:
+    """Shape of the grid of vehicles that the values span; () for a single one."""
+    return np.broadcast_shapes(*(np.shape(v) for v in values.values()))
+
+
+def mean_squares(
+    reduction: Reduction,
+    values: Values,
+    nodes: Iterable[WeightedNodes],
+    lost: Mapping[str, Array] | Array | float = ROUNDING,
+) -> dict[str, MeanSquare]:
+    """Mean squares of every output of a reduction for a grid of vehicles.
+
+    values: by parameter, broadcasting to [grid...]; the wheels stand in one geometry, that of the nodes. lost: relative
+    errors that rounding leaves, for all outputs or by name, see `nodes.lost`. Returns {output: MeanSquare},
+    [labels, grid..., speeds].
+
+    The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
+    min(1, (CAUTION d)^1.5). d sums the differences of the columns without their signs, so that they cannot cancel.
+    """
+    grid = shape_of(values)
+    rows = math.prod(grid)
+    tile = TILE if grid else 1  # a single vehicle is never part of a block
+    tiles = -(-rows // tile)
+    columns = [(name, each) for name, some in reduction.columns.items() for each in some]
+    sums: list[Array] = []
+    nodes = list(nodes)
+    exact = unsound(reduction, values, np.concatenate([part.omega for part in nodes]))
+    spread = column(values)
+    for part in nodes:
+        if not sums:
+            sums = [np.zeros((2, tiles, tile, part.kronrod.shape[-1])) for _ in columns]
+        omega, size = part.omega, part.omega.size
+        with np.errstate(all="ignore"):
+            products = Products(scalars(reduction, spread, 1j * omega, -np.square(omega), exact))
+        padded = np.zeros((tiles, tile, size))
+        target = padded.reshape(tiles * tile, size)[:rows].reshape(*grid, size)
+        spare = np.empty((*grid, size))
+        for (_, each), (total, embedded) in zip(columns, sums, strict=True):
+            products.power(each, target, spare)
+            add_product(total, padded, part.kronrod[each.lag])
+            if part.gauss is not None:
+                add_product(embedded, padded, part.gauss[each.lag])
+    result = {}
+    for output in reduction.outputs:
+        speeds = sums[0].shape[-1]
+        value, difference = np.zeros((2, len(output.taps), *grid, speeds))
+        for (name, each), both in zip(columns, sums, strict=True):
+            if name != output.name:
+                continue
+            total, embedded = both.reshape(2, tiles * tile, speeds)[:, :rows].reshape(2, *grid, speeds)
+            apart = np.abs(total - embedded)
+            for label, weight in enumerate(each.weights):
+                if weight:
+                    value[label] += weight * total
+                    difference[label] += abs(weight) * apart
+        own = lost[output.name] if isinstance(lost, Mapping) else lost
+        with np.errstate(invalid="ignore", divide="ignore"):
+            steep = CAUTION * (difference / np.abs(value))
+        result[output.name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + own))
+    return result
+
+
+class Products:
+    """Real and imaginary parts of X_i X_j* of the scalars at some nodes: of numerators, over those of denominators."""
+
+    def __init__(self, x: Scalars) -> None:
+        self.x = x
+        self.square = [1.0 / _modulus2(d) for d in x.denominators]
+        self.heads: dict[tuple[int, int], tuple[Number, Number]] = {}
+
+    def _head(self, a: int, b: int) -> tuple[Number, Number]:
+        """1/(d_a d_b*), real and imaginary part; of -1 the denominator is 1."""
+        if (a, b) not in self.heads:
+            d = self.x.denominators
+            if a == b:
+                self.heads[a, b] = (self.square[a], 0.0) if a >= 0 else (1.0, 0.0)
+            elif min(a, b) < 0:
+                known = max(a, b)
+                sign = -1.0 if a >= 0 else 1.0
+                self.heads[a, b] = d[known].real * self.square[known], sign * d[known].imag * self.square[known]
+            else:
+                # 1/(d_a d_b*) = d_a* d_b/(|d_a|^2 |d_b|^2). As a function, because the operator may swap the factors
+                # of a complex product, and with them the last bit, as the size of the arrays suits it.
+                product = np.multiply(np.conj(d[a]), d[b])
+                both = self.square[a] * self.square[b]
+                self.heads[a, b] = product.real * both, product.imag * both
+        return self.heads[a, b]
+
+    def _product(self, i: int, j: int, part: str, factor: float, out: Array) -> None:
+        """factor x Re or Im of X_i X_j*, into an array [grid..., nodes]."""
+        one, other = self.x.fractions[i], self.x.fractions[j]
+        head, tail = self._head(one.denominator, other.denominator)
+        if i == j:
+            np.multiply(factor * _modulus2(one.numerator), head, out=out)
+            return
+        a, b = np.real(one.numerator), np.imag(one.numerator)
+        c, d = np.real(other.numerator), np.imag(other.numerator)
+        real, imaginary = factor * (a * c + b * d), factor * (b * c - a * d)
+        if part == "im":
+            real, imaginary = imaginary, -real
+        np.multiply(real, head, out=out)
+        if isinstance(tail, float):
+            return
+        out -= imaginary * tail
+
+    def power(self, each: Column, out: Array, spare: Array) -> None:
+        """A column's power, into an array [grid..., nodes]; spare: another such array to work in."""
+        first, *others = each.powers
+        self._product(*first, out)
+        for other in others:
+            self._product(*other, spare)
+            out += spare
+
+
+def _modulus2(z: Number) -> Number:
+    return np.square(np.real(z)) + np.square(np.imag(z)) if np.iscomplexobj(z) else np.square(z)
+
+
+def add_product(total: Array, power: Array, weight: Array) -> None:
+    """Add power [tiles, TILE, n] @ weight [n, speeds] to total [tiles, TILE, speeds].
+
+    BLAS picks its order of summation by the shape of a product, so every product of a grid has the same shape and a
+    row the same bits whatever its block. And the shape is small: OpenBLAS then neither copies its operands nor starts
+    threads of its own (up to 4 x 65536 multiplications), which would fight with those that work on the blocks.
+    """
+    speeds = total.shape[-1]
+    if speeds <= SPEEDS:
+        total += power @ weight
+        return
+    parts = -(-speeds // SPEEDS)
+    for k in range(parts):
+        some = slice(k * speeds // parts, (k + 1) * speeds // parts)
+        total[..., some] += power @ weight[:, some]
