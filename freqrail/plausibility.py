@@ -193,7 +193,7 @@ def _span(low: float, high: float) -> str:
 
 def _range(limits: tuple[float, float], unit: str) -> str:
     low, high = limits
-    words = f"at least {low:.3g}" if math.isinf(high) else f"{low:.3g} to {high:.3g}" if low else f"up to {high:.3g}"
+    words = f"at least {low:.4g}" if math.isinf(high) else f"{low:.4g} to {high:.4g}" if low else f"up to {high:.3g}"
     return f"{words} {unit}".rstrip()
 
 
