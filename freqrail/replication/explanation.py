@@ -27,10 +27,10 @@ def _stiffening(found: Mechanism) -> str:
     s = found.stiffening
     return (
         "**Car body: the damper becomes a spring as well.** Between its joints the secondary damper adds c²ω²/κ to its "
-        f"spring: {percent(s.added)} of K_s at the car body's bounce of {number(s.frequency, 3)} Hz "
+        f"spring: {percent(s.added)} of K_s at the car body's bounce of {number(s.frequency)} Hz "
         f"({percent(s.exact)} with the higher orders), and more above. The car body's RMS departs by "
         f"{percent(s.car)} at {PAPER_SPEED:g} km/h; secondary springs stiffer by as much at all frequencies would "
-        f"alone make {percent(s.springs)}."
+        f"alone make {percent(s.springs)}, so that this is a part of the reason, not all of it."
     )
 
 
@@ -75,7 +75,7 @@ def _on_rails(found: Mechanism) -> list[Block]:
         Paragraph(
             "The paper's rail is rigid. Put under each wheel a rail that gives way "
             f"({number(rail.mass)} kg on {number(rail.stiffness / 1e6)} MN/m and {number(rail.damping / 1e3)} kN·s/m), "
-            f"and the wheelsets' resonance moves from {number(before, 3)} Hz with a damping ratio of {undamped:.1g} "
+            f"and the wheelsets' resonance moves from {number(before, 3)} Hz with a damping ratio of {undamped:.2g} "
             f"to {number(after, 3)} Hz with {damped:.2f}. The bogie frame's RMS at {PAPER_SPEED:g} km/h is "
             f"{number(yielding.joint[BOGIE])} m/s² instead of {number(rigid.joint[BOGIE])} m/s², and the joints' "
             f"effect on it {percent(yielding.departure(BOGIE))} instead of {percent(rigid.departure(BOGIE))}. What "

@@ -2,9 +2,9 @@
 
 Every test takes a `Scan`, the RMS of one response over the stiffness of one joint and the speed beside the
 traditional model's, and `Thresholds`, and says at which points its statement is true. The share of true points makes
-the verdict. All comparisons are relative to the traditional model, so that the scale of the track's spectrum does not
-enter. A larger threshold never makes a statement true at some point and false at another, `region` apart, which picks
-the points: `standing` relies on it.
+the verdict. All comparisons are relative to the traditional model; `unjudged` says what that decides. A larger
+threshold never makes a statement true at some point and false at another, `region` apart, which picks the points:
+`standing` relies on it.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 Sentences of Y. Yu, Y. Song, L. Zhao, C. Zhou, "Numerical Investigation on Train Vertical Dynamics with Damper Rubber
 Joint Stiffness". One sentence may make several claims. Nothing is left out of a sentence and nothing is mended in it.
 
-One clause that has a direction is not judged by itself: of VI.B 4, "and the more consistent the change law is", which
-says of the curves' shape over speed what VI.B 4a says of their distance.
+Two clauses that have a direction are no claims: of V.B, "has little impact on its low frequency characteristics", and
+of VI.B 4, "and the more consistent the change law is". The report gives the numbers of both (`unjudged`).
 """
 
 from __future__ import annotations
