@@ -118,5 +118,5 @@ def _consistency(grid: xr.Dataset) -> str:
         "**“And the more consistent the change law is” (VI.B, 4)** is no claim of its own either. The spread over "
         "speed (standard deviation over mean) of the primary stroke's RMS relative to the traditional one is "
         f"{', '.join(parts)}; it is the largest, the law the least "
-        f"consistent, with {float(spread['stiffness'][int(spread.argmax())]):g} MN/m."
+        f"consistent, with {float(spread['stiffness'].values[spread.values.argmax()]):g} MN/m."
     )
