@@ -18,26 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from freqrail.casefile import (
-    apply_axis,
-    apply_setting,
-    find,
-    parse_toml,
-    to_toml,
-)
+from freqrail.band import Band
+from freqrail.casefile import apply_axis, apply_setting, find, parse_toml, to_toml
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import JOINTS, PARAMETERS, SHARED_BY_SIDES
-from freqrail.quantities import (
-    Axis,
-    Quantity,
-    given,
-    is_same,
-    milli_hint,
-    nearest,
-    parse_axis,
-    parse_quantity,
-)
-from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, Band, RationalSpectrum
+from freqrail.quantities import Axis, Quantity, given, is_same, milli_hint, nearest, parse_axis, parse_quantity
+from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, RationalSpectrum
 from freqrail.validation import cross_checks, keys, model, problems_of, readable, readable_points
 from freqrail.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 

@@ -120,11 +120,12 @@ def sweep(
     if "frequency" in over_by_name and not psd:
         raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
     from freqrail import plausibility
+    from freqrail.band import band_text
     from freqrail.campaign import local, sweep_to_file
     from freqrail.case import load_case
     from freqrail.grid import processors
     from freqrail.journal import journal_path
-    from freqrail.plan import Plan, band_text
+    from freqrail.plan import Plan
     from freqrail.quantities import shown_bytes
     from freqrail.storage import check_target
     from freqrail.summary import number

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import rms
+from freqrail.band import Band
 from freqrail.nodes import own_edges
 from freqrail.response import SERIES, chain_responses
 from freqrail.study import Study
-from freqrail.track import Band, Spectrum, angular_psd
+from freqrail.track import Spectrum, angular_psd
 from freqrail.vehicle import CHAINS, Vehicle, ladder, poles
 
 REACH = 3.0  # of the highest resonance, where a band without an end is cut: hardly any track height is left beyond

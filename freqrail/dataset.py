@@ -21,12 +21,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import grid
+from freqrail import solution as the_solution
+from freqrail.band import Band, band_text
 from freqrail.case import Case
 from freqrail.names import COMPLIANCE_UNIT, COMPLIANCES, DIMENSIONS, PARAMETERS, RESPONSES, meaning
-from freqrail.plan import Plan, band_text
+from freqrail.plan import Plan
 from freqrail.quantities import Axis, cf_unit, parse_axis, typed_unit
-from freqrail.track import Band
 from freqrail.version import __version__
 
 SCHEMA_VERSION = 2
@@ -92,13 +92,13 @@ def variables(plan: Plan) -> dict[str, Variable]:
                     "long_name": f"one-sided PSD of the {response.long_name}, {words}",
                 }
                 add(prefix, f"{name}_psd", (*place, "frequency"), float, spectrum)
-        add(prefix, "status", (), np.int8, flags(grid.STATUS, f"outcome of the computation, {words}"))
-        add(prefix, "method", (), np.int8, flags(grid.METHOD, f"method of the computation, {words}"))
+        add(prefix, "status", (), np.int8, flags(the_solution.STATUS, f"outcome of the computation, {words}"))
+        add(prefix, "method", (), np.int8, flags(the_solution.METHOD, f"method of the computation, {words}"))
     return result
 
 
 def arrays(
-    plan: Plan, prefix: str, solution: grid.Solution, spectra: Mapping[str, NDArray] | None
+    plan: Plan, prefix: str, solution: the_solution.Solution, spectra: Mapping[str, NDArray] | None
 ) -> dict[str, NDArray]:
     """The numbers of a model, or of a part of its grid, by variable and in the order of its dimensions."""
     swept = [axis.name for axis in plan.axes(prefix)]

@@ -17,10 +17,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import timedomain, verdicts
+from freqrail.band import band_text
 from freqrail.dataset import attributes, content_digest, coordinate, flags, scalar_coordinates, whole
 from freqrail.findings import CHECKS, series_labels, series_of
 from freqrail.names import DIMENSIONS, RESPONSES
-from freqrail.plan import band_text
 from freqrail.points import grid_axis, swept
 from freqrail.quantities import Axis, unit_factor
 from freqrail.references import References

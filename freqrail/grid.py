@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -24,17 +24,9 @@ from freqrail import residues, rms
 from freqrail.nodes import SharedNodes, every_pole, lost, own_edges, shared_nodes, speed_groups
 from freqrail.partial_fractions import own_resonances
 from freqrail.response import SERIES, response_psd
+from freqrail.solution import METHOD, STATUS, TOLERANCE, Solution
 from freqrail.study import Study, cells, cells_by_geometry, cut
 from freqrail.vehicle import chain_system, ladder, poles, state_space
-
-STATUS = ("ok", "unresolved_peak", "undamped", "failed")
-"""Meaning of the status values 0, 1, ...; all but the first come with NaN in some response."""
-
-METHOD = ("none", "closed_form", "shared_quadrature", "own_quadrature")
-"""Meaning of the method values: no result, sum of residues, nodes shared by the grid, nodes of the vehicle's own."""
-
-TOLERANCE = 1e-6
-"""Largest error estimate of an RMS value, relative, that is passed on as a result."""
 
 REFINE_ABOVE = 1e-8  # a shared-node result whose estimate exceeds this is computed anew with nodes of its own
 CLOSED_FORM_BLOCK = 51_200  # grid points of a block in closed form
@@ -43,20 +35,6 @@ OWN_NODES = 500  # of a single vehicle, at once
 PSD_BLOCK = 250_000  # vehicles x speeds x frequencies of a block of spectra
 
 Progress = Callable[[int], object]
-
-
-@dataclass(frozen=True)
-class Solution:
-    """RMS values and their relative error estimates {name: [positions, grid..., speeds]} in SI units.
-
-    status and method: [grid..., speeds], int8, see `STATUS` and `METHOD`; the status is the gravest that befell any
-    response. A number and its error are NaN where it is not finite, its error exceeds `TOLERANCE` or it is undamped.
-    """
-
-    rms: dict[str, NDArray[np.float64]]
-    relative_error: dict[str, NDArray[np.float64]]
-    status: NDArray[np.int8]
-    method: NDArray[np.int8]
 
 
 def solve(

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from freqrail import grid
+from freqrail.band import band_limits
 from freqrail.case import Case
 from freqrail.errors import InputError
 from freqrail.names import JOINTS, RESPONSES, suggestion
 from freqrail.quantities import Axis
 from freqrail.study import Study
-from freqrail.track import Band, band_limits
 
 PSD_POINTS = 400
 PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
@@ -119,12 +119,3 @@ def _default_frequency(case: Case) -> Axis:
         low, high = float(limits.min()), float(limits.max())
     values = np.geomspace(low, high, PSD_POINTS)
     return Axis("frequency", values, "Hz", values, f"log:{low:g}:{high:g}:{PSD_POINTS} Hz")
-
-
-def band_text(band: Band | None) -> str:
-    """A band in words: "0.1 to 100 Hz", "wavelengths 1 to 200 m" or "whole axis"."""
-    if band is None:
-        return "whole axis"
-    if band.kind == "frequency":
-        return f"{band.low:g} to {band.high:g} Hz"
-    return f"wavelengths {band.low:g} to {band.high:g} m"

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.band import Band, band_limits
 from freqrail.case import Case
 from freqrail.contact import contact_force_rms
 from freqrail.criteria import CRITERIA
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.modal import modes
 from freqrail.quantities import Axis
-from freqrail.track import Band, band_limits, standard_deviation
+from freqrail.track import standard_deviation
 from freqrail.vehicle import Vehicle, static_wheel_load
 
 FORCES = 16  # corners, at most, at which the wheel-rail force is computed

@@ -19,14 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.response import (
-    SERIES,
-    chain_responses,
-    column_powers,
-    column_signs,
-    lag_columns,
-    top_products,
-)
+from freqrail.response import SERIES, chain_responses, column_powers, column_signs, lag_columns, top_products
 from freqrail.track import Spectrum, angular_psd
 from freqrail.vehicle import Vehicle
 

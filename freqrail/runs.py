@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from freqrail import timedomain
 from freqrail.anew import Found, find
+from freqrail.band import Band
 from freqrail.case import Case
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.integrators import INTEGRATORS
@@ -23,7 +24,6 @@ from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
 from freqrail.storage import open_result
 from freqrail.timedomain import Plan
-from freqrail.track import Band
 
 WHOLE_AXIS_BAND = Band("frequency", 0.1, 100.0)
 """What a result without a band is confirmed over: a time run cannot take in the whole axis."""

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.band import Band, band_limits
 from freqrail.response import chains_of
-from freqrail.track import Band, Spectrum, band_limits, kinks
+from freqrail.track import Spectrum, kinks
 from freqrail.vehicle import Vehicle
 
 

@@ -15,14 +15,14 @@ import xarray as xr
 
 from freqrail import findings
 from freqrail.anew import find
+from freqrail.band import band_limits, band_text
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
 from freqrail.modal import modes
 from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE, meaning
-from freqrail.plan import band_text
 from freqrail.points import Point, axis_label, axis_unit, confirmed_point, swept
 from freqrail.quantities import printable, shown_value
-from freqrail.track import band_limits, standard_deviation
+from freqrail.track import standard_deviation
 from freqrail.vehicle import static_wheel_load
 
 Record = dict[str, Any]

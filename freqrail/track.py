@@ -17,22 +17,6 @@ Number = Any
 
 
 @dataclass(frozen=True)
-class Band:
-    """What an RMS is taken over: "frequency" in Hz or "wavelength" in m, from `low` to `high`."""
-
-    kind: str
-    low: float
-    high: float
-
-
-def band_limits(band: Band, speed: Number) -> NDArray[np.float64]:
-    """Limits [2, ...] of a band in rad/s at every `speed` in m/s; omega = 2 pi v / wavelength."""
-    if band.kind == "frequency":
-        return 2 * np.pi * np.array([np.full(np.shape(speed), band.low), np.full(np.shape(speed), band.high)])
-    return 2 * np.pi * np.array([speed / band.high, speed / band.low])
-
-
-@dataclass(frozen=True)
 class RationalSpectrum:
     """S_v(Omega) = A Omega_c^2 / ((Omega^2 + Omega_r^2) (Omega^2 + Omega_c^2))  (eq. 11).
 

@@ -11,16 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from freqrail.model.elements import (
-    Bending,
-    ComplexSpring,
-    Dashpot,
-    Fractional,
-    Inerter,
-    Parallel,
-    Series,
-    Spring,
-)
+from freqrail.model.elements import Bending, ComplexSpring, Dashpot, Fractional, Inerter, Parallel, Series, Spring
 from freqrail.model.outputs import Displacement, Elongation, Force, Output
 from freqrail.model.system import Freedom, Leg, System, Wheel
 

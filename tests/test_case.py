@@ -18,12 +18,13 @@ from hypothesis import strategies as st
 
 import freqrail
 from freqrail import case as case_module
+from freqrail.band import Band
 from freqrail.case import Case, build_case, load_case
 from freqrail.casefile import to_toml
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE
 from freqrail.shipped import shipped_cases
-from freqrail.track import Band, RationalSpectrum
+from freqrail.track import RationalSpectrum
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = shipped_cases()["yu-damper-joint"]

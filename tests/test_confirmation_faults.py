@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import freqrail
+from freqrail import band as the_band
 from freqrail import crosschecks, findings, grid, realisation, references, residues, rms, study, timedomain, track
 from freqrail.cli import run as command
 from freqrail.confirmation import carry_out
@@ -149,7 +150,7 @@ def test_a_kernel_whose_lags_are_those_of_another_speed_is_seen_by_the_kernel_ch
 @pytest.mark.parametrize("factor", [0.5, 3.0])
 @pytest.mark.parametrize("edge", [0, 1])
 def test_a_kernel_with_another_edge_of_the_band_is_seen_by_the_kernel_check(plan, simulated, monkeypatch, factor, edge):
-    true = track.band_limits
+    true = the_band.band_limits
 
     def moved(band, speed):
         limits = true(band, speed).copy()

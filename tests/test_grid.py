@@ -21,9 +21,11 @@ from helpers import (
 from scipy.linalg import solve_continuous_lyapunov
 
 from freqrail import grid, residues, rms
+from freqrail import solution as the_solution
+from freqrail.band import Band
 from freqrail.response import SERIES, chain_responses, track_response
 from freqrail.study import Study
-from freqrail.track import Band, RationalSpectrum, TabulatedSpectrum, wavenumber_psd
+from freqrail.track import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.vehicle import Vehicle, chain_system, poles, state_space
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
@@ -38,36 +40,36 @@ def solve(
     names: tuple[str, ...] = PAPER_NAMES,
     spectrum: RationalSpectrum = TRACK,
     jobs: int = 1,
-) -> grid.Solution:
+) -> the_solution.Solution:
     return grid.solve(Study(vehicle, np.asarray(speeds, dtype=float), spectrum, band, names), jobs)
 
 
-def assert_ok(solution: grid.Solution) -> None:
-    assert np.all(solution.status == grid.STATUS.index("ok"))
-    assert np.all(solution.method != grid.METHOD.index("none"))
+def assert_ok(solution: the_solution.Solution) -> None:
+    assert np.all(solution.status == the_solution.STATUS.index("ok"))
+    assert np.all(solution.method != the_solution.METHOD.index("none"))
     for values in solution.rms.values():
         assert np.all(values > 0)
     for errors in solution.relative_error.values():
-        assert np.all(errors <= grid.TOLERANCE)
+        assert np.all(errors <= the_solution.TOLERANCE)
 
 
 def assert_without_result(
-    solution: grid.Solution, where: np.ndarray, status: str, names: tuple[str, ...] | None = None
+    solution: the_solution.Solution, where: np.ndarray, status: str, names: tuple[str, ...] | None = None
 ) -> None:
     """The status given where `where` holds, no value and no error estimate of the responses named (all) there.
 
     And only there, nor of any other response; no method where no response has a value.
     """
-    assert np.array_equal(solution.status == grid.STATUS.index(status), where)
+    assert np.array_equal(solution.status == the_solution.STATUS.index(status), where)
     everything = names is None or set(names) == set(solution.rms)
-    assert np.array_equal(solution.method == grid.METHOD.index("none"), where & everything)
+    assert np.array_equal(solution.method == the_solution.METHOD.index("none"), where & everything)
     for numbers in (solution.rms, solution.relative_error):
         for name, values in numbers.items():
             lacking = where & (names is None or name in names)
             assert np.array_equal(np.isnan(values), np.broadcast_to(lacking, values.shape))
 
 
-def identical(first: grid.Solution, second: grid.Solution) -> bool:
+def identical(first: the_solution.Solution, second: the_solution.Solution) -> bool:
     """Bit by bit."""
     return all(
         np.array_equal(getattr(first, part)[name], getattr(second, part)[name], equal_nan=True)
@@ -145,7 +147,7 @@ def test_the_number_of_jobs_changes_no_bit(corners, monkeypatch, band):
     assert identical(solve(corners, speeds, band, jobs=1), solve(corners, speeds, band, jobs=2))
 
 
-def in_blocks_of(block: int, monkeypatch: pytest.MonkeyPatch, *study) -> grid.Solution:
+def in_blocks_of(block: int, monkeypatch: pytest.MonkeyPatch, *study) -> the_solution.Solution:
     monkeypatch.setattr(grid, "BLOCK", block)
     return solve(*study)
 
@@ -382,7 +384,7 @@ def test_without_primary_dampers_the_bogies_pitch_for_ever(paper_vehicle, band):
     """The bogie's pitch is held by the primary suspension alone: undamped, what feels it has no variance."""
     undamped = replace(paper_vehicle, primary_damping=0.0)
     solution = solve(undamped, [30.0, 60.0], band, ALL_NAMES)
-    assert np.all(solution.status == grid.STATUS.index("undamped"))
+    assert np.all(solution.status == the_solution.STATUS.index("undamped"))
     assert all(np.isnan(solution.rms[name]).all() for name in PITCHED)
     calm = tuple(name for name in ALL_NAMES if name not in PITCHED)
     alone = solve(undamped, [30.0, 60.0], band, calm)
@@ -487,8 +489,8 @@ def test_one_number_that_the_closed_form_doubts_is_tried_by_quadrature(paper_veh
     monkeypatch.setattr(residues, "mean_squares", doubtful)
     mended = solve(many, [30.0, 60.0, 80.0], None)
     assert_ok(mended)
-    assert mended.method[0, 2] == grid.METHOD.index("own_quadrature")
-    assert np.all(mended.method[1] == grid.METHOD.index("closed_form"))
+    assert mended.method[0, 2] == the_solution.METHOD.index("own_quadrature")
+    assert np.all(mended.method[1] == the_solution.METHOD.index("closed_form"))
     for name in PAPER_NAMES:
         np.testing.assert_allclose(mended.rms[name], good.rms[name], rtol=1e-8)
 
@@ -513,7 +515,7 @@ def test_each_response_takes_the_better_of_closed_form_and_quadrature(paper_vehi
     monkeypatch.setattr(residues, "mean_squares", doubtful)
     monkeypatch.setattr(grid, "_own_quadrature", lost)
     mended = solve(paper_vehicle, [30.0, 60.0], None, names)
-    assert np.all(mended.method == grid.METHOD.index("own_quadrature"))
+    assert np.all(mended.method == the_solution.METHOD.index("own_quadrature"))
     np.testing.assert_allclose(mended.rms["bogie_acceleration"], good.rms["bogie_acceleration"], rtol=1e-8)
     assert np.array_equal(mended.rms["primary_stroke"], good.rms["primary_stroke"])
 
@@ -555,8 +557,8 @@ def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle
     many = replace(paper_vehicle, bogie_mass=np.array([500.0, 600.0]))
     solution = solve(many, [30.0, 60.0, 80.0], None, names)
     where = np.array([[False, True, False]] * 2)
-    assert np.array_equal(solution.status == grid.STATUS.index(status), where)
-    assert np.all(solution.method != grid.METHOD.index("none"))
+    assert np.array_equal(solution.status == the_solution.STATUS.index(status), where)
+    assert np.all(solution.method != the_solution.METHOD.index("none"))
     for numbers in (solution.rms, solution.relative_error):
         lacking = np.isnan(numbers["primary_stroke"])
         assert np.array_equal(lacking[2], where)
@@ -578,7 +580,7 @@ def test_a_vehicle_that_shared_nodes_serve_badly_anywhere_gets_its_own(paper_veh
     good = solve(many, [30.0, 60.0, 80.0])
     monkeypatch.setattr(rms, "mean_squares", doubtful)
     mended = solve(many, [30.0, 60.0, 80.0])
-    shared, own = (grid.METHOD.index(f"{kind}_quadrature") for kind in ("shared", "own"))
+    shared, own = (the_solution.METHOD.index(f"{kind}_quadrature") for kind in ("shared", "own"))
     assert mended.method.tolist() == [[shared] * 3, [own] * 3, [shared] * 3]
     for name in PAPER_NAMES:
         np.testing.assert_allclose(mended.rms[name], good.rms[name], rtol=1e-7)

@@ -10,9 +10,11 @@ import pytest
 from helpers import PAPER_NAMES, from_chains, reference_rms
 
 from freqrail import grid, nodes, rms
+from freqrail import solution as the_solution
+from freqrail.band import Band
 from freqrail.partial_fractions import own_resonances
 from freqrail.study import Study
-from freqrail.track import Band, RationalSpectrum, TabulatedSpectrum
+from freqrail.track import RationalSpectrum, TabulatedSpectrum
 from freqrail.vehicle import Vehicle, poles
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
@@ -122,7 +124,7 @@ def test_a_soft_joint_on_the_whole_axis_is_mended_at_every_speed(paper_vehicle):
     soft = replace(paper_vehicle, secondary_joint_stiffness=np.array([1e2, 5e6]))
     speeds = np.array([30.0, 60.0, 100.0, 250.0]) * KMH
     solution = grid.solve(study(soft, speeds, None))
-    own, closed = (grid.METHOD.index(name) for name in ("own_quadrature", "closed_form"))
+    own, closed = (the_solution.METHOD.index(name) for name in ("own_quadrature", "closed_form"))
     assert solution.method.tolist() == [[own] * 4, [closed] * 4]
     for k in range(speeds.size):
         alone = grid._own_quadrature(study(soft, speeds[k : k + 1], None), (0,))

@@ -14,6 +14,7 @@ import pytest
 
 import freqrail
 from freqrail import plausibility
+from freqrail.band import Band
 from freqrail.case import Case, build_case, load_case
 from freqrail.cli import run
 from freqrail.contact import contact_force, contact_force_rms
@@ -21,7 +22,7 @@ from freqrail.criteria import CRITERIA
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.modal import modes
 from freqrail.response import system_response
-from freqrail.track import Band, RationalSpectrum
+from freqrail.track import RationalSpectrum
 from freqrail.vehicle import half_vehicle, static_wheel_load
 from tests.fleet import FLEET, LENGTHS, PAPER, UNITS, case_text, half
 from tests.helpers import INDEX, all_poles, density, lagged, lags, random_vehicles, reference_nodes

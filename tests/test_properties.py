@@ -14,10 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import freqrail
-from freqrail import grid
+from freqrail import grid, solution
+from freqrail.band import Band
 from freqrail.response import SERIES, chain_responses, system_response, track_response
 from freqrail.study import Study, cells
-from freqrail.track import Band, RationalSpectrum
+from freqrail.track import RationalSpectrum
 from freqrail.vehicle import Vehicle, half_vehicle, poles
 
 EXAMPLES = settings(deadline=None, derandomize=True, database=None, max_examples=15)
@@ -42,7 +43,7 @@ def solve(vehicle: Vehicle, speed: object, band: Band | None, track: RationalSpe
     return grid.solve(Study(vehicle, np.atleast_1d(speed), track, band, ALL_NAMES), **options)
 
 
-def same_bits(one: grid.Solution, other: grid.Solution) -> bool:
+def same_bits(one: solution.Solution, other: solution.Solution) -> bool:
     return all(
         np.array_equal(getattr(one, key)[name], getattr(other, key)[name], equal_nan=True)
         for key in ("rms", "relative_error")
@@ -186,7 +187,7 @@ def test_values_of_an_axis_in_another_order_give_the_same_bits_in_that_order(veh
         assert np.array_equal(other.rms[name], plain.rms[name][:, order], equal_nan=True)
 
 
-def in_blocks(vehicle: Vehicle, band: Band | None, block: int, jobs: int) -> grid.Solution:
+def in_blocks(vehicle: Vehicle, band: Band | None, block: int, jobs: int) -> solution.Solution:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(grid, "BLOCK", block)
         patch.setattr(grid, "CLOSED_FORM_BLOCK", 2 * block)

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 
 from freqrail import grid
+from freqrail.band import Band
 from freqrail.response import (
     LAG_COLUMNS,
     SERIES,
@@ -33,7 +34,6 @@ from freqrail.response import (
     wheel_lags,
 )
 from freqrail.study import Study
-from freqrail.track import Band
 from freqrail.vehicle import CHAINS, Vehicle, chain_system, half_vehicle, leg_dynamic_stiffness, state_space
 
 SPEEDS = (20.0, 250 / 3.6)

@@ -21,8 +21,9 @@ from helpers import (
 from numpy.polynomial import chebyshev, legendre
 
 from freqrail import rms
+from freqrail.band import Band, band_limits
 from freqrail.response import SERIES, chain_responses, wheel_lags
-from freqrail.track import Band, RationalSpectrum, band_limits
+from freqrail.track import RationalSpectrum
 from freqrail.vehicle import Vehicle, poles
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))

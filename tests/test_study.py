@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from freqrail.band import Band
 from freqrail.study import Study, cells, cells_by_geometry, cut
-from freqrail.track import Band, RationalSpectrum, TabulatedSpectrum
+from freqrail.track import RationalSpectrum, TabulatedSpectrum
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
 TABLE = TabulatedSpectrum("measured", (0.1, 1.0, 4.0), (1e-4, 1e-6, 1e-9))

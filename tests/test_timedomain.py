@@ -9,11 +9,12 @@ import pytest
 from helpers import ALL_NAMES, lags, output_matrices
 
 from freqrail import grid, timedomain, verdicts
+from freqrail.band import Band
 from freqrail.errors import InputError
 from freqrail.integrators import Accuracy
 from freqrail.study import Study
 from freqrail.timedomain import MODELS, PAPER, Plan, Point, Simulated, series_count
-from freqrail.track import Band, RationalSpectrum
+from freqrail.track import RationalSpectrum
 from freqrail.usual_run import plain_run
 from freqrail.vehicle import half_vehicle, state_space
 

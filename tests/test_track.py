@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from freqrail.band import Band, band_limits
 from freqrail.track import (
     GERMAN_CUTOFFS,
     GERMAN_ROUGHNESS,
-    Band,
     RationalSpectrum,
     TabulatedSpectrum,
     angular_psd,
-    band_limits,
     frequency_psd,
     kinks,
     singular_points,

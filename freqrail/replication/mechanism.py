@@ -8,13 +8,14 @@ import numpy as np
 import xarray as xr
 
 from freqrail import grid
+from freqrail.band import Band, band_limits
 from freqrail.case import Case
 from freqrail.modal import Mode, modes
 from freqrail.replication.claims import BOGIE, CAR, PAPER_POINT, PAPER_SPEED, PRIMARY, RESPONSE_NAMES
 from freqrail.replication.judging import OTHER_JOINT, PLACES, read, scan
 from freqrail.replication.yielding_rail import TYPICAL, Rail, response_rms, wheel_resonance
 from freqrail.study import Study
-from freqrail.track import Band, band_limits, frequency_psd
+from freqrail.track import frequency_psd
 from freqrail.vehicle import Vehicle
 
 NO_WHEELBASE = 1e-6  # m; what the bogie frame's bounce has of the wheelbase is the lag between its wheels alone

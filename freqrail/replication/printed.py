@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail import rms
+from freqrail.band import Band, band_limits
 from freqrail.response import wheel_lags
 from freqrail.timedomain import readout
-from freqrail.track import Band, Spectrum, angular_psd, band_limits, singular_points
+from freqrail.track import Spectrum, angular_psd, singular_points
 from freqrail.vehicle import StateSpace, Vehicle, half_vehicle, state_space
 
 Signs = tuple[tuple[str, str], ...]

@@ -14,28 +14,12 @@ import xarray as xr
 
 from freqrail.names import JOINTS, RESPONSES
 from freqrail.replication import judging
-from freqrail.replication.claims import (
-    CLAIMS,
-    PAPER_POINT,
-    PRIMARY,
-    RESPONSE_NAMES,
-    Claim,
-)
+from freqrail.replication.claims import CLAIMS, PAPER_POINT, PRIMARY, RESPONSE_NAMES, Claim
 from freqrail.replication.contradictions import contradictions
 from freqrail.replication.document import Block, Bullets, Heading, Image, Paragraph, Table, anchor
 from freqrail.replication.explanation import TITLES, explained
 from freqrail.replication.figures import Picture
-from freqrail.replication.judging import (
-    FAILS,
-    HOLDS,
-    OTHER_JOINT,
-    PARTLY,
-    VERDICTS,
-    Finding,
-    high,
-    low,
-    plural,
-)
+from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PARTLY, VERDICTS, Finding, high, low, plural
 from freqrail.replication.mechanism import Mechanism
 from freqrail.replication.procedures import DURATION
 from freqrail.replication.standing import Standing

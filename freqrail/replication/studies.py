@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from freqrail.band import band_limits
 from freqrail.campaign import sweep
 from freqrail.case import Case, load_case
 from freqrail.dataset import MODELS, attributes
@@ -24,7 +25,6 @@ from freqrail.realisation import fixed_amplitudes, spectral_lines, stream
 from freqrail.replication.claims import PAPER_POINT, PAPER_SPEED
 from freqrail.replication.judging import OTHER_JOINT
 from freqrail.response import SERIES, STAGES, chain_responses, track_response, wheel_lags
-from freqrail.track import band_limits
 from freqrail.vehicle import Vehicle, leg_dynamic_stiffness
 
 CASE = "yu-damper-joint"

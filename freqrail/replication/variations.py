@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from freqrail.band import Band
 from freqrail.campaign import sweep
 from freqrail.case import Case
 from freqrail.errors import FreqrailWarning
@@ -27,7 +28,6 @@ from freqrail.replication.studies import CASE
 from freqrail.replication.words import percent
 from freqrail.response import SERIES
 from freqrail.timedomain import PAPER as IN_ORDER
-from freqrail.track import Band
 
 # The field's contact constants G = c R^e in m/N^(2/3), R the wheel radius in m: conical and worn tread.
 TREADS = {"conical": (4.57e-8, -0.149), "worn": (3.86e-8, -0.115)}

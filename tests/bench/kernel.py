@@ -13,12 +13,12 @@ import numpy as np
 
 import freqrail
 from freqrail import grid, nodes, rms
+from freqrail.band import Band
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.columns import reduce
 from freqrail.response import SERIES
 from freqrail.solver import lags, quadrature
 from freqrail.study import Study, cells, cut
-from freqrail.track import Band
 
 JOINTS = np.geomspace(0.5e6, 100e6, 100)
 

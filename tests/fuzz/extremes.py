@@ -15,9 +15,9 @@ import numpy as np
 import freqrail
 from freqrail.case import build_case
 from freqrail.errors import FreqrailError
-from freqrail.grid import STATUS, TOLERANCE
 from freqrail.names import JOINTS, PARAMETERS, RESPONSES
 from freqrail.shipped import shipped_cases
+from freqrail.solution import STATUS, TOLERANCE
 from freqrail.summary import case_derived, mode_records
 
 SECONDS = 60  # of processor time that one point may take, both models

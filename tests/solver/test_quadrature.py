@@ -10,6 +10,7 @@ from helpers import density, reference_nodes
 from plain_vehicles import MAKERS, Plain, as_system, dense_outputs, lagged, outputs_of, places
 
 from freqrail import grid, nodes, rms
+from freqrail.band import Band
 from freqrail.model.assembled import state_space
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.columns import reduce
@@ -17,7 +18,7 @@ from freqrail.response import SERIES
 from freqrail.rms import MeanSquare
 from freqrail.solver import lags, quadrature
 from freqrail.study import Study, cells, cut
-from freqrail.track import Band, RationalSpectrum
+from freqrail.track import RationalSpectrum
 
 BAND = 2 * np.pi * np.array([0.1, 60.0])
 
