@@ -13,10 +13,10 @@ import xarray as xr
 
 from freqrail.campaign import compute
 from freqrail.case import Case, build_case
-from freqrail.names import RESPONSES
 from freqrail.plan import Plan
 from freqrail.points import Point, axis_label, grid_axis, off_grid, result_case, swept
 from freqrail.quantities import Axis, unit_factor
+from freqrail.responses import RESPONSES
 
 ATTRIBUTE = "computed_anew"
 """Attribute of a dataset computed anew: the swept parameters, with blanks between, whose values the result lacks."""

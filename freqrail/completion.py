@@ -12,7 +12,8 @@ from pathlib import Path
 
 import click
 
-from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
+from freqrail.names import PARAMETERS, SWEEPABLE
+from freqrail.responses import RESPONSES
 from freqrail.shipped import shipped_cases
 
 SETTINGS = (*PARAMETERS, "band", "spectrum", "masses", "title", "reference")

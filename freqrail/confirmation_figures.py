@@ -20,7 +20,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from freqrail.findings import band_note, confirmed_names, relative
-from freqrail.names import RESPONSES
+from freqrail.responses import DIMENSIONS, RESPONSES
 from freqrail.verdicts import FAILED, OUTSIDE
 
 _WIDTH = 7.2  # inches, as in `figures`
@@ -31,7 +31,6 @@ _COLOURS = {"joint": "#0072B2", "traditional": "black"}
 _WORDS = {"joint": "model with damper joints", "traditional": "traditional model, rigid damper joints"}
 _FAULT = "#D55E00"
 _SMALLEST = 1e-14  # solver errors below this are rounding, and drawn there
-_WHERE = {"car_position": "over the front pivot", "bogie": "front bogie", "axle": "axle 1"}
 _WHEELS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 _OFFSET = {"joint": -0.18, "traditional": 0.18}  # of a row, so that the models' bars do not cover each other
 
@@ -141,8 +140,8 @@ def _panels(figure: Figure, dataset: xr.Dataset) -> list[tuple[str, Axes]]:
     for spare in axes[len(names) :]:
         spare.remove()
     for letter, name, ax in zip("abcdefg", names, axes, strict=False):
-        place = _WHERE.get(RESPONSES[name].dimension)
-        ax.set_title(f"({letter}) {RESPONSES[name].long_name}" + (f", {place}" if place else ""))
+        dimension = DIMENSIONS.get(RESPONSES[name].dimension)
+        ax.set_title(f"({letter}) {RESPONSES[name].long_name}" + (f", {dimension.words[0]}" if dimension else ""))
     return list(zip(names, axes, strict=False))
 
 

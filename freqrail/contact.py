@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from freqrail import rms
 from freqrail.band import Band
 from freqrail.nodes import own_edges
-from freqrail.response import SERIES, chain_responses
+from freqrail.response import chain_responses
+from freqrail.responses import RESPONSES
 from freqrail.study import Study
 from freqrail.track import Spectrum, angular_psd
 from freqrail.vehicle import CHAINS, Vehicle, ladder, poles
@@ -37,7 +38,7 @@ def contact_force(vehicle: Vehicle, omega: NDArray[np.float64], speed: float) ->
     bounce = force["bounce"] * np.cos(a) * np.cos(b)
     pitch = force["pitch"] * (1j * np.cos(a) * np.sin(b))
     bogie_pitch = force["bogie_pitch"] * (1j * np.sin(a))
-    axles = SERIES["wheelset_acceleration"].positions
+    axles = RESPONSES["wheelset_acceleration"].signs
     return np.array([bounce + s * pitch + r * bogie_pitch * np.exp(1j * s * b) for s, r in axles])
 
 

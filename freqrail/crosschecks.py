@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance, solve_sylvester
 
 from freqrail.realisation import Lines, spectral_lines
-from freqrail.response import SERIES, chain_responses, track_response
+from freqrail.response import chain_responses, track_response
+from freqrail.responses import RESPONSES
 from freqrail.track import RationalSpectrum, Spectrum
 from freqrail.vehicle import StateSpace, Vehicle
 
@@ -27,7 +28,7 @@ def transfer_power(
     """|T|^2 of the named responses at `frequency` [K] in Hz: [series, K], SI units squared per m^2; speed in m/s."""
     omega = 2 * np.pi * frequency
     chains = chain_responses(vehicle, omega)
-    rows = [track_response(SERIES[name], vehicle, omega, speed, chains) for name in names]
+    rows = [track_response(RESPONSES[name], vehicle, omega, speed, chains) for name in names]
     return np.square(np.abs(np.concatenate(rows)))
 
 

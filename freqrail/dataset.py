@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 from freqrail import solution as the_solution
 from freqrail.band import Band, band_text
 from freqrail.case import Case
-from freqrail.names import COMPLIANCE_UNIT, COMPLIANCES, DIMENSIONS, PARAMETERS, RESPONSES, meaning
+from freqrail.names import COMPLIANCE_UNIT, COMPLIANCES, PARAMETERS, meaning
 from freqrail.plan import Plan
 from freqrail.quantities import Axis, cf_unit, parse_axis, typed_unit
+from freqrail.responses import DIMENSIONS, RESPONSES
 from freqrail.version import __version__
 
 SCHEMA_VERSION = 2
@@ -50,7 +51,7 @@ class Variable:
 
 def variables(plan: Plan) -> dict[str, Variable]:
     """The variables of a sweep by name, in the order of the file."""
-    sizes = {dimension: len(labels) for dimension, (_, labels) in DIMENSIONS.items()}
+    sizes = {name: len(dimension.labels) for name, dimension in DIMENSIONS.items()}
     if plan.frequency is not None:
         sizes["frequency"] = plan.frequency.si.size
     result: dict[str, Variable] = {}
@@ -119,15 +120,24 @@ def skeleton(plan: Plan) -> xr.Dataset:
     coordinates: dict[str, Any] = {}
     for axis in plan.case.axes:
         coordinates |= coordinate(axis, plan.case.masses)
-    used = {RESPONSES[name].dimension for name in plan.names}
-    for dimension, (long_name, labels) in DIMENSIONS.items():
-        if dimension in used:
-            values = np.array(labels, dtype=np.int32 if isinstance(labels[0], int) else None)
-            coordinates[dimension] = (dimension, values, {"long_name": long_name})
+    coordinates |= position_coordinates({RESPONSES[name].dimension for name in plan.names})
     if plan.frequency is not None:
         coordinates |= coordinate(plan.frequency)
     coordinates |= scalar_coordinates(plan.case, plan.case.band)
     return xr.Dataset({}, coordinates, attributes(plan.case, "sweep"))
+
+
+def position_coordinates(used: Collection[str]) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+    """Of the dimensions along which responses are resolved, those in use: (dimension, labels, attributes) by name."""
+    return {
+        name: (
+            name,
+            np.array(dimension.labels, dtype=np.int32 if isinstance(dimension.labels[0], int) else None),
+            {"long_name": dimension.long_name},
+        )
+        for name, dimension in DIMENSIONS.items()
+        if name in used
+    }
 
 
 def label(plan: Plan, values: Mapping[str, NDArray]) -> xr.Dataset:

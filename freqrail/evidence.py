@@ -16,15 +16,23 @@ import scipy
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import timedomain, verdicts
+from freqrail import responses, timedomain, verdicts
 from freqrail.band import band_text
-from freqrail.dataset import attributes, content_digest, coordinate, flags, scalar_coordinates, whole
+from freqrail.dataset import (
+    attributes,
+    content_digest,
+    coordinate,
+    flags,
+    position_coordinates,
+    scalar_coordinates,
+    whole,
+)
 from freqrail.findings import CHECKS, series_labels, series_of
-from freqrail.names import DIMENSIONS, RESPONSES
 from freqrail.points import grid_axis, swept
 from freqrail.quantities import Axis, unit_factor
 from freqrail.references import References
 from freqrail.response import wheel_lags
+from freqrail.responses import RESPONSES
 from freqrail.runs import Run
 from freqrail.timedomain import MODELS, Evidence
 
@@ -305,11 +313,7 @@ def _coordinates(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case.masses).items():
             coordinates[key] = ("point", values, described)
     coordinates |= scalar_coordinates(run.case, run.band)
-    used = {RESPONSES[name].dimension for name in run.names} | {"axle"}
-    for dimension in (dimension for dimension in DIMENSIONS if dimension in used):
-        long_name, labels = DIMENSIONS[dimension]
-        values = np.array(labels, dtype=np.int32 if isinstance(labels[0], int) else None)
-        coordinates[dimension] = (dimension, values, {"long_name": long_name})
+    coordinates |= position_coordinates({RESPONSES[name].dimension for name in run.names} | {"axle"})
     return coordinates
 
 
@@ -367,7 +371,7 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
 def _stored(run: Run, kind: str) -> NDArray[np.float64]:
     """The result's own numbers at the points, "rms" [point, model, series] or "psd" [..., frequency]; NaN for none."""
     last = run.frequency.shape if kind == "psd" else ()
-    rows = np.full((len(run.points), len(MODELS), timedomain.series_count(run.names), *last), np.nan)
+    rows = np.full((len(run.points), len(MODELS), responses.series_count(run.names), *last), np.nan)
     for name, part in series_of(run.names).items():
         for model, prefix in enumerate(("", "traditional_")):
             if f"{prefix}{name}_{kind}" in run.dataset:

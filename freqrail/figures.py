@@ -34,9 +34,10 @@ from freqrail.casefile import parse_toml, to_toml
 from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.findings import is_confirmation
-from freqrail.names import JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, Response
+from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE
 from freqrail.points import Point, axis_unit, confirmed_point, grid_axis, off_grid, result_case, swept
 from freqrail.quantities import printable
+from freqrail.responses import DIMENSIONS, RESPONSES, Response
 from freqrail.shipped import shipped_cases
 from freqrail.storage import open_result
 
@@ -53,7 +54,6 @@ _MARKERS = "osD^vP<X"
 _FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
 _DEEPEST = 1e-8  # of its top, where a PSD axis ends: below lie only the dips of the wheelbase filter
 _BLUE = "#0072B2"  # of Okabe and Ito's colours
-_CAR = {"front": "over the front pivot", "centre": "at the centre", "rear": "over the rear pivot"}
 _CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
 _NARROW = 5.0  # a logarithmic axis from 1 to less than this is ticked as a linear one
 _TICKS = 5  # at most so many steps between ticks: long numbers must not touch
@@ -440,9 +440,7 @@ def _panels(dataset: xr.Dataset, suffix: str, caption: Sequence[str]) -> tuple[F
 def _place(dataset: xr.Dataset, response: Response) -> str:
     if not response.dimension:
         return ""
-    label = np.ravel(dataset[response.dimension].values)[0]
-    words = {"axle": f"axle {label}", "bogie": f"{label} bogie", "car_position": _CAR.get(label)}
-    return f", {words[response.dimension]}"
+    return f", {DIMENSIONS[response.dimension].place(np.ravel(dataset[response.dimension].values)[0])}"
 
 
 def _line(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], style: Style) -> None:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import verdicts
-from freqrail.names import RESPONSES
+from freqrail.responses import RESPONSES
 
 CHECKS = {
     "solver": "simulation against the line spectrum of the same record",

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from freqrail import residues, rms
 from freqrail.nodes import SharedNodes, every_pole, lost, own_edges, shared_nodes, speed_groups
 from freqrail.partial_fractions import own_resonances
-from freqrail.response import SERIES, response_psd
+from freqrail.response import response_psd
+from freqrail.responses import RESPONSES
 from freqrail.solution import METHOD, STATUS, TOLERANCE, Solution
 from freqrail.study import Study, cells, cells_by_geometry, cut
 from freqrail.vehicle import chain_system, ladder, poles, state_space
@@ -64,7 +65,7 @@ def solve(
 
 def _blank(study: Study) -> Solution:
     shape = study.shape
-    positions = {name: len(SERIES[name].positions) for name in study.names}
+    positions = {name: len(RESPONSES[name].signs) for name in study.names}
     return Solution(
         rms={name: np.full((count, *shape), np.nan) for name, count in positions.items()},
         relative_error={name: np.full((count, *shape), np.nan) for name, count in positions.items()},
@@ -88,7 +89,7 @@ def _inaccurate(study: Study, solution: Solution) -> list[tuple[int, ...]]:
     """Vehicles of which a damped response has an error estimate above TOLERANCE, or none at all, at some speed."""
     result = np.zeros(study.vehicle.shape, dtype=bool)
     for name, error in solution.relative_error.items():
-        result |= ~(np.max(error, axis=(0, -1)) <= TOLERANCE) & ~_without_damper(study, SERIES[name].chains)
+        result |= ~(np.max(error, axis=(0, -1)) <= TOLERANCE) & ~_without_damper(study, RESPONSES[name].chains)
     return [tuple(map(int, index)) for index in np.argwhere(result)]
 
 
@@ -156,11 +157,11 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
     if hopeless and np.isfinite(every_pole(found)).all():
         rest = replace(study, names=tuple(name for name in study.names if name not in hopeless))
         squares = _own_quadrature(rest, index) if rest.names else {}
-        zero = {name: np.zeros((len(SERIES[name].positions), study.speed.size)) for name in hopeless}
+        zero = {name: np.zeros((len(RESPONSES[name].signs), study.speed.size)) for name in hopeless}
         return squares | {name: rms.MeanSquare(each, each + np.inf) for name, each in zero.items()}
     edges = own_edges(study, vehicle, every_pole(found))
     if edges is None:
-        nothing = {k: np.full((len(SERIES[k].positions), study.speed.size), np.nan) for k in study.names}
+        nothing = {k: np.full((len(RESPONSES[k].signs), study.speed.size), np.nan) for k in study.names}
         return {k: rms.MeanSquare(v, v) for k, v in nothing.items()}
     rule = rms.quadrature(edges)
     nodes = rms.weighted_nodes(vehicle, study.spectrum, rule, study.speed, study.limits, OWN_NODES)
@@ -175,13 +176,13 @@ def psd(
     study: Study, frequency: NDArray[np.float64], progress: Callable[[int], object] = lambda points: None
 ) -> dict[str, NDArray[np.float64]]:
     """One-sided PSDs {name: [positions, grid..., speeds, n]} at `frequency` [n] in Hz, per Hz, SI squared."""
-    result = {name: np.empty((len(SERIES[name].positions), *study.shape, frequency.size)) for name in study.names}
+    result = {name: np.empty((len(RESPONSES[name].signs), *study.shape, frequency.size)) for name in study.names}
     for _, group in cells_by_geometry(study.vehicle, PSD_BLOCK // (frequency.size * study.speed.size)):
         for cell in group:
             part = replace(study, vehicle=cut(study.vehicle, cell))
             column = part.vehicle.column().column()
             for name in study.names:
-                density = response_psd(SERIES[name], column, study.spectrum, frequency, study.speed[:, None])
+                density = response_psd(RESPONSES[name], column, study.spectrum, frequency, study.speed[:, None])
                 # a response spans only the axes that it depends on: the positions come before all of them
                 missing = tuple(range(1, 1 + result[name].ndim - density.ndim))
                 result[name][(slice(None), *cell)] = np.expand_dims(density, missing)
@@ -238,7 +239,7 @@ def _judge(study: Study, solution: Solution) -> None:
     for name, error in solution.relative_error.items():
         value = solution.rms[name]
         infinite = np.zeros(study.shape, dtype=bool)
-        for chain in undamped.keys() & set(SERIES[name].chains):
+        for chain in undamped.keys() & set(RESPONSES[name].chains):
             infinite |= undamped[chain]
         bad = ~np.isfinite(value) | ~(error <= TOLERANCE) | infinite
         found["unresolved_peak"] |= np.any(bad, axis=0)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -276,110 +275,6 @@ COMPLIANCES = {joint: joint.replace("stiffness", "compliance") for joint in JOIN
 """The reciprocal of a joint's stiffness, finite where the joint is rigid: a coordinate of results."""
 
 COMPLIANCE_UNIT = "mm kN-1"  # so that the number is the reciprocal of that in MN/m
-
-
-@dataclass(frozen=True)
-class Response:
-    """A response that is computed: its variables are NAME_rms, NAME_psd and their traditional twins.
-
-    unit: SI. shown_unit and shown_scale: for figures and tables, the value in SI times the scale.
-    dimension and positions: along which it is resolved; "" and () for a single value.
-    paper: whether it is one of the four that the paper reports.
-    """
-
-    name: str
-    symbol: str
-    unit: str
-    shown_unit: str
-    shown_scale: float
-    dimension: str
-    positions: tuple[str, ...] | tuple[int, ...]
-    long_name: str
-    paper: bool = True
-
-    @property
-    def psd_unit(self) -> str:
-        """Unit of the one-sided PSD, as UDUNITS and pint parse it: "m2 s-4 Hz-1" for "m s-2"."""
-        factors = [re.fullmatch(r"([A-Za-z]+)(-?\d*)", part) for part in self.unit.split()]
-        squared = [f"{factor[1]}{2 * int(factor[2] or 1)}" for factor in factors if factor]
-        return " ".join([*squared, "Hz-1"])
-
-
-CAR_POSITIONS = ("front", "centre", "rear")
-BOGIES = ("front", "rear")
-AXLES = (1, 2, 3, 4)
-
-RESPONSES: dict[str, Response] = {
-    r.name: r
-    for r in (
-        Response(
-            "car_body_acceleration",
-            "\\ddot{z}_c",
-            "m s-2",
-            "m/s²",
-            1.0,
-            "car_position",
-            CAR_POSITIONS,
-            "car body vertical acceleration",
-        ),
-        Response(
-            "bogie_acceleration",
-            "\\ddot{z}_t",
-            "m s-2",
-            "m/s²",
-            1.0,
-            "bogie",
-            BOGIES,
-            "bogie frame vertical acceleration",
-        ),
-        Response("secondary_stroke", "e_s", "m", "mm", 1e3, "bogie", BOGIES, "secondary suspension vertical stroke"),
-        Response("primary_stroke", "e_p", "m", "mm", 1e3, "axle", AXLES, "primary suspension vertical stroke"),
-        Response(
-            "wheelset_acceleration",
-            "\\ddot{z}_w",
-            "m s-2",
-            "m/s²",
-            1.0,
-            "axle",
-            AXLES,
-            "wheelset vertical acceleration",
-            paper=False,
-        ),
-        Response(
-            "car_body_pitch_acceleration",
-            "\\ddot{\\beta}_c",
-            "rad s-2",
-            "rad/s²",
-            1.0,
-            "",
-            (),
-            "car body pitch acceleration",
-            paper=False,
-        ),
-        Response(
-            "bogie_pitch_acceleration",
-            "\\ddot{\\beta}_t",
-            "rad s-2",
-            "rad/s²",
-            1.0,
-            "bogie",
-            BOGIES,
-            "bogie frame pitch acceleration",
-            paper=False,
-        ),
-    )
-}
-"""Every response by its name, in the order they are stored and printed."""
-
-DIMENSIONS: dict[str, tuple[str, tuple[str, ...] | tuple[int, ...]]] = {
-    "car_position": (
-        "where on the car body: over the front pivot (z_c - L_c beta_c), at the centre, over the rear pivot",
-        CAR_POSITIONS,
-    ),
-    "bogie": ("bogie, at the centre of its frame", BOGIES),
-    "axle": ("axle, counted from the front", AXLES),
-}
-"""Dimensions along which responses are resolved: (long name, labels)."""
 
 
 SHARED_BY_SIDES: tuple[str, ...] = tuple(

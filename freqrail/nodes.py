@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from freqrail import rms
 from freqrail.partial_fractions import EPSILON, Resonances, chain_poles, resonances
-from freqrail.response import SERIES
+from freqrail.responses import RESPONSES
 from freqrail.study import Study, cut
 from freqrail.track import RationalSpectrum, kinks, singular_points
 from freqrail.vehicle import Vehicle
@@ -84,9 +84,9 @@ def lost(study: Study, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.
     phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * _longest_lags(study)
     result = {}
     for name in study.names:
-        chains = [found[chain] for chain in SERIES[name].chains]
+        chains = [found[chain] for chain in RESPONSES[name].chains]
         shift = np.concatenate([each.shift for each in chains])
-        errors = np.concatenate([each.errors.get(SERIES[name].quantity, each.shift) for each in chains])
+        errors = np.concatenate([each.errors.get(RESPONSES[name].element, each.shift) for each in chains])
         among = every_pole({str(k): each for k, each in enumerate(chains)})
         result[name] = rms.rounding(among, study.limits, shift, errors) + phase
         if not all(each.known.all() for each in chains):

@@ -13,8 +13,9 @@ from freqrail import grid
 from freqrail.band import band_limits
 from freqrail.case import Case
 from freqrail.errors import InputError
-from freqrail.names import JOINTS, RESPONSES, suggestion
+from freqrail.names import JOINTS, suggestion
 from freqrail.quantities import Axis
+from freqrail.responses import RESPONSES
 from freqrail.study import Study
 
 PSD_POINTS = 400

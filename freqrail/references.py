@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from freqrail import grid
 from freqrail.band import Band
 from freqrail.crosschecks import covariance_rms, line_rms, state_response
+from freqrail.responses import series_count
 from freqrail.study import Study
-from freqrail.timedomain import Plan, Point, series_count, time_side, track_ranges, vehicles
+from freqrail.timedomain import Plan, Point, time_side, track_ranges, vehicles
 from freqrail.track import RationalSpectrum, frequency_psd, standard_deviation
 from freqrail.vehicle import Vehicle, static_wheel_load
 

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.partial_fractions import EPSILON, LIGHT, Modal, modal
-from freqrail.response import SERIES, Series, chains_of, column_signs, cos_sin, descend
+from freqrail.response import column_signs, cos_sin, descend
+from freqrail.responses import RESPONSES, Response, chains_of
 from freqrail.rms import MeanSquare
 from freqrail.track import RationalSpectrum, Spectrum
 from freqrail.vehicle import CHAINS, Vehicle
@@ -181,9 +182,9 @@ def _sum_of_residues(
     """
     chains = {chain: modal(vehicle, chain) for chain in chains_of(names)}
     distances = _lag_distances(vehicle)
-    columns = {name: _columns(SERIES[name]) for name in names}
+    columns = {name: _columns(RESPONSES[name]) for name in names}
     terms: dict[tuple[str, int], list[tuple[NDArray, NDArray]]] = {(k, c): [] for k in names for c in columns[k]}
-    doubts = _doubts(vehicle, chains, {SERIES[name].quantity for name in names})
+    doubts = _doubts(vehicle, chains, {RESPONSES[name].element for name in names})
     for x in chains:
         rows = [(name, c) for name, c in terms if any(x == first for first, _, _ in PRODUCTS[c])]
         found = _chain_terms(vehicle, chains, doubts, x, rows, distances, spectrum, speed)
@@ -191,18 +192,18 @@ def _sum_of_residues(
             terms[row].append(term)
     for track in _track_poles(vehicle, tuple(chains), distances, spectrum, speed):
         for (name, c), parts in terms.items():
-            extra = track.term(SERIES[name], c)
+            extra = track.term(RESPONSES[name], c)
             parts.append((extra, LOSS * np.abs(extra)))
     shape = (*vehicle.shape, speed.shape[-1])
     result = {}
     for name in names:
-        series = SERIES[name]
-        value, error = np.zeros((2, len(series.positions), *shape))
+        series = RESPONSES[name]
+        value, error = np.zeros((2, len(series.signs), *shape))
         scale = np.pi / np.square(np.asarray(getattr(vehicle, series.arm) if series.arm else 1.0))[..., None]
         for c in columns[name]:
             total = scale * sum(term for term, _ in terms[name, c])
             uncertain = scale * sum(error for _, error in terms[name, c])
-            for place, position in enumerate(series.positions):
+            for place, position in enumerate(series.signs):
                 sign = column_signs(position)[c]
                 value[place] += sign * total
                 error[place] += abs(sign) * uncertain
@@ -210,7 +211,7 @@ def _sum_of_residues(
     return result, np.broadcast_to(_singular(chains, spectrum, speed), shape)
 
 
-def _columns(series: Series) -> list[int]:
+def _columns(series: Response) -> list[int]:
     """The lag columns that a series' chains take part in."""
     return [c for c, terms in enumerate(PRODUCTS) if all({x, y} <= set(series.chains) for x, y, _ in terms)]
 
@@ -271,8 +272,8 @@ def _chain_terms(
     reach = {y: _reach(p, other) for y, other in chains.items()}
     heads, uncertainties = {}, {}
     for name in dict.fromkeys(name for name, _ in rows):
-        series = SERIES[name]
-        quantity, scale = series.quantity, chain.weight * p ** (2 * series.derivative)
+        series = RESPONSES[name]
+        quantity, scale = series.element, chain.weight * p ** (2 * series.derivative)
         fractions = {y: np.sum(near[y] * chains[y].residues[quantity][..., None, :], axis=-1) for y in series.chains}
         residue = chain.take(chain.residues[quantity])
         for y in series.chains:
@@ -282,7 +283,7 @@ def _chain_terms(
             uncertainties[name, y] = np.abs(scale) * (np.abs(mirrored) * doubts[x, quantity] + np.abs(residue) * wrong)
     coefficients = [sum(f * heads[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     weight = np.stack(np.broadcast_arrays(*coefficients), axis=-2)
-    losses = {name: _loss(chains, SERIES[name].chains) for name in dict.fromkeys(name for name, _ in rows)}
+    losses = {name: _loss(chains, RESPONSES[name].chains) for name in dict.fromkeys(name for name, _ in rows)}
     loss = np.stack(np.broadcast_arrays(*(losses[name] for name, _ in rows)), axis=-2)
     doubtful = [sum(abs(f) * uncertainties[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*doubtful), axis=-2)
@@ -389,9 +390,9 @@ class _TrackPole:
     weight: NDArray[np.float64]
     elements: dict[tuple[str, int], dict[str, Number]]
 
-    def term(self, series: Series, column: int) -> NDArray[np.float64]:
+    def term(self, series: Response, column: int) -> NDArray[np.float64]:
         """What the pole adds to a column of a series, [grid..., speeds]."""
-        name, power = series.quantity, self.q ** (2 * series.derivative)
+        name, power = series.element, self.q ** (2 * series.derivative)
         products = sum(f * self.elements[x, 1][name] * self.elements[y, -1][name] for x, y, f in PRODUCTS[column])
         return np.asarray(self.weight[..., column, None] * power * products)
 

@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.responses import Response
 from freqrail.track import Spectrum, frequency_psd
 from freqrail.vehicle import CHAINS, System, Vehicle, ladder, leg_dynamic_stiffness, stiffness_matrices
 
@@ -43,48 +44,10 @@ LAG_COLUMNS = 7
 
 
 @dataclass(frozen=True)
-class Series:
-    """How a response is read off the chains, and where.
-
-    quantity: the ladder's element, "car", "bogie", "wheelset" (displacements), "secondary" or
-    "primary" (elongations). derivative: 2 for an acceleration, 0 for a stroke. chains: those that
-    take part. positions: (sigma, rho) a label of the response's dimension, with sigma = +1 in front,
-    0 at the centre and -1 at the rear, rho = +1 at the leading and -1 at the trailing axle of a
-    bogie. arm: the length (a field of `Vehicle`) that turns the displacement over a leg into an
-    angle, "" for none.
-    """
-
-    quantity: str
-    derivative: int
-    chains: tuple[str, ...]
-    positions: tuple[tuple[int, int], ...]
-    arm: str = ""
-
-
-_ENDS = ((1, 0), (-1, 0))
-_AXLES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-
-SERIES: dict[str, Series] = {
-    "car_body_acceleration": Series("car", 2, ("bounce", "pitch"), ((1, 0), (0, 0), (-1, 0))),
-    "bogie_acceleration": Series("bogie", 2, ("bounce", "pitch"), _ENDS),
-    "secondary_stroke": Series("secondary", 0, ("bounce", "pitch"), _ENDS),
-    "primary_stroke": Series("primary", 0, CHAINS, _AXLES),
-    "wheelset_acceleration": Series("wheelset", 2, CHAINS, _AXLES),
-    "car_body_pitch_acceleration": Series("car", 2, ("pitch",), ((1, 0),), "half_bogie_spacing"),
-    "bogie_pitch_acceleration": Series("bogie", 2, ("bogie_pitch",), ((1, 1), (-1, 1)), "half_wheelbase"),
-}
-
-
-def chains_of(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The chains that take part in any of the named responses, in the order of `CHAINS`."""
-    return tuple(chain for chain in CHAINS if any(chain in SERIES[name].chains for name in names))
-
-
-@dataclass(frozen=True)
 class ChainResponse:
     """Frequency response of a chain of bodies, per unit displacement of its top body.
 
-    track: the track's displacement, [grid..., n], complex, m/m. ratios: each element (see `Series.quantity`), complex,
+    track: the track's displacement, [grid..., n], complex, m/m. ratios: each element (see `Response.element`), complex,
     m/m. forces: of the legs "secondary" and "primary", complex, N/m. Responses that depend on few of the
     vehicle's fields span only their axes of the grid.
     """
@@ -139,7 +102,7 @@ def chain_responses(vehicle: Vehicle, omega: NDArray) -> dict[str, ChainResponse
     return {chain: chain_response(vehicle, chain, omega) for chain in CHAINS}
 
 
-def _scale(series: Series, vehicle: Vehicle, omega: NDArray) -> Number:
+def _scale(series: Response, vehicle: Vehicle, omega: NDArray) -> Number:
     """Factor from the displacement over a leg to the response: s^2 of an acceleration, 1/arm of an angle."""
     factor: Number = -np.square(omega) if series.derivative == 2 else 1.0
     return -factor / getattr(vehicle, series.arm) if series.arm else factor
@@ -159,7 +122,7 @@ def top_products(chains: dict[str, ChainResponse]) -> dict[tuple[str, str], Prod
 
 
 def column_powers(
-    series: Series,
+    series: Response,
     vehicle: Vehicle,
     omega: NDArray,
     chains: dict[str, ChainResponse],
@@ -173,12 +136,12 @@ def column_powers(
     what is below, times its compliance, the same in all chains: the factors span few axes of the grid.
     """
     scale = np.square(_scale(series, vehicle, omega))
-    if series.quantity in STAGES:
-        leg = ladder(vehicle, "bounce")[1][STAGES.index(series.quantity)]
+    if series.element in STAGES:
+        leg = ladder(vehicle, "bounce")[1][STAGES.index(series.element)]
         scale = scale / _modulus2(leg_dynamic_stiffness(*leg, 1j * omega))
-        elements = {chain: chains[chain].forces[series.quantity] for chain in series.chains}
+        elements = {chain: chains[chain].forces[series.element] for chain in series.chains}
     else:
-        elements = {chain: chains[chain].ratios[series.quantity] for chain in series.chains}
+        elements = {chain: chains[chain].ratios[series.element] for chain in series.chains}
 
     def factors(x: str, y: str) -> tuple[Number, Number, Number, Number]:
         real, imaginary = _times_conjugate(elements[x], elements[y])
@@ -255,7 +218,7 @@ def cos_sin(angle: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def track_response(
-    series: Series, vehicle: Vehicle, omega: NDArray, speed: Number, chains: dict[str, ChainResponse]
+    series: Response, vehicle: Vehicle, omega: NDArray, speed: Number, chains: dict[str, ChainResponse]
 ) -> NDArray[np.complex128]:
     """T(i omega) of a series per metre of track height under the vehicle's centre: [positions, grid..., n].
 
@@ -267,17 +230,17 @@ def track_response(
     scale = _scale(series, vehicle, omega)
 
     def part(chain: str) -> Number:
-        return chains[chain].ratios[series.quantity] * chains[chain].top * scale if chain in series.chains else 0.0
+        return chains[chain].ratios[series.element] * chains[chain].top * scale if chain in series.chains else 0.0
 
     bounce = part("bounce") * np.cos(a) * np.cos(b)
     pitch = part("pitch") * (1j * np.cos(a) * np.sin(b))
     bogie_pitch = part("bogie_pitch") * (1j * np.sin(a))
-    rows = [bounce + sigma * pitch + rho * bogie_pitch * np.exp(1j * sigma * b) for sigma, rho in series.positions]
+    rows = [bounce + sigma * pitch + rho * bogie_pitch * np.exp(1j * sigma * b) for sigma, rho in series.signs]
     return np.stack(np.broadcast_arrays(*rows))
 
 
 def response_psd(
-    series: Series, vehicle: Vehicle, spectrum: Spectrum, frequency: NDArray, speed: Number
+    series: Response, vehicle: Vehicle, spectrum: Spectrum, frequency: NDArray, speed: Number
 ) -> NDArray[np.float64]:
     """One-sided PSD of a series per Hz, |T|^2 2 pi S_v(Omega)/v: [positions, grid..., n].
 

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.response import SERIES, chain_responses, column_powers, column_signs, lag_columns, top_products
+from freqrail.response import chain_responses, column_powers, column_signs, lag_columns, top_products
+from freqrail.responses import RESPONSES
 from freqrail.track import Spectrum, angular_psd
 from freqrail.vehicle import Vehicle
 
@@ -211,7 +212,7 @@ def mean_squares(
     nodes: Iterable[WeightedNodes],
     lost: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> dict[str, MeanSquare]:
-    """Mean squares of the named responses (keys of `SERIES`) for a grid of vehicles.
+    """Mean squares of the named responses (keys of `RESPONSES`) for a grid of vehicles.
 
     vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. lost: `rounding` of each
     response, at least `ROUNDING`.
@@ -230,7 +231,7 @@ def mean_squares(
         chains = chain_responses(vehicle, part.omega)
         products = top_products(chains)
         for name in names:
-            for column, power in column_powers(SERIES[name], vehicle, part.omega, chains, products):
+            for column, power in column_powers(RESPONSES[name], vehicle, part.omega, chains, products):
                 if (name, column) not in sums:
                     sums[name, column] = np.zeros((2, tiles, tile, part.kronrod.shape[-1]))
                 total, embedded = sums[name, column]
@@ -241,7 +242,7 @@ def mean_squares(
                     _add_product(embedded, padded, part.gauss[column])
     result = {}
     for name in names:
-        positions = SERIES[name].positions
+        positions = RESPONSES[name].signs
         found = {column: total for (key, column), total in sums.items() if key == name}
         speeds = next(iter(found.values())).shape[-1]
         value, difference = np.zeros((2, len(positions), *grid, speeds))

@@ -12,16 +12,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import timedomain
+from freqrail import responses, timedomain
 from freqrail.anew import Found, find
 from freqrail.band import Band
 from freqrail.case import Case
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.integrators import INTEGRATORS
-from freqrail.names import PARAMETERS, RESPONSES, Parameter, suggestion
+from freqrail.names import PARAMETERS, Parameter, suggestion
 from freqrail.points import Point, axis_label, grid_axis, off_grid, parse_point, result_case
 from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
+from freqrail.responses import RESPONSES
 from freqrail.storage import open_result
 from freqrail.timedomain import Plan
 
@@ -70,7 +71,7 @@ class Run:
     @property
     def stored_bytes(self) -> int:
         """Size of the confirmation in bytes, about."""
-        series = timedomain.series_count(self.names)
+        series = responses.series_count(self.names)
         each = 0.0
         for point, plan in zip(self.points, self.plans, strict=True):
             side = timedomain.time_side(point, plan.names)

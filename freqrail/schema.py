@@ -13,9 +13,10 @@ import xarray as xr
 
 from freqrail.dataset import MODELS, PIECE, pieces
 from freqrail.errors import InputError
-from freqrail.names import DIMENSIONS, JOINTS, PARAMETERS, RESPONSES
+from freqrail.names import JOINTS, PARAMETERS
 from freqrail.points import axis_unit, result_case
 from freqrail.quantities import unit_factor
+from freqrail.responses import DIMENSIONS, RESPONSES
 
 ATTRIBUTES = ("case_name", "effective_case", "band", "source")
 
@@ -50,9 +51,9 @@ def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[s
                 right = False
             if not right:
                 yield f"{name} has no unit of a {PARAMETERS[name].kind} (got {unit!r})"
-    for name, (_, labels) in DIMENSIONS.items():
-        if name in dataset.coords and not set(dataset[name].values.tolist()) <= set(labels):
-            yield f"{name} has labels other than {', '.join(map(str, labels))}"
+    for name, dimension in DIMENSIONS.items():
+        if name in dataset.coords and not set(dataset[name].values.tolist()) <= set(dimension.labels):
+            yield f"{name} has labels other than {', '.join(map(str, dimension.labels))}"
 
 
 def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:

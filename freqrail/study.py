@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.band import Band, band_limits
-from freqrail.response import chains_of
+from freqrail.responses import chains_of
 from freqrail.track import Spectrum, kinks
 from freqrail.vehicle import Vehicle
 
@@ -21,7 +21,7 @@ class Study:
     """A grid of vehicles, speeds and the track below them, numbers only.
 
     vehicle: fields are floats or arrays that broadcast to the grid of vehicles. speed: [m] in m/s.
-    band None: the whole axis. names: keys of `response.SERIES`.
+    band None: the whole axis. names: keys of `response.RESPONSES`.
     """
 
     vehicle: Vehicle

@@ -19,9 +19,10 @@ from freqrail.band import band_limits, band_text
 from freqrail.case import Case
 from freqrail.dataset import MODELS, first_failures
 from freqrail.modal import modes
-from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE, meaning
+from freqrail.names import PARAMETERS, SWEEPABLE, meaning
 from freqrail.points import Point, axis_label, axis_unit, confirmed_point, swept
 from freqrail.quantities import printable, shown_value
+from freqrail.responses import RESPONSES
 from freqrail.track import standard_deviation
 from freqrail.vehicle import static_wheel_load
 

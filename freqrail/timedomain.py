@@ -22,7 +22,6 @@ from scipy.linalg import block_diag
 from freqrail.crosschecks import state_response, transfer_power
 from freqrail.errors import InputError, NumericalError
 from freqrail.integrators import Accuracy, Progress, integrate, solver_of, stack
-from freqrail.names import RESPONSES
 from freqrail.realisation import (
     Track,
     fixed_amplitudes,
@@ -34,13 +33,11 @@ from freqrail.realisation import (
     track_deviation,
     track_lags,
 )
-from freqrail.response import SERIES, wheel_lags
+from freqrail.response import wheel_lags
+from freqrail.responses import PAPER, series_count
 from freqrail.track import Spectrum, frequency_psd
 from freqrail.vehicle import DEGREES_OF_FREEDOM, StateSpace, System, Vehicle, half_vehicle, poles, state_space
 from freqrail.verdicts import degrees_of_freedom
-
-PAPER = tuple(name for name, response in RESPONSES.items() if response.paper)
-"""The paper's four responses, eleven series in all."""
 
 MODELS = ("joint", "traditional")
 
@@ -161,11 +158,6 @@ class Evidence:
 
 
 # --- the two sides ---------------------------------------------------------------------------------
-
-
-def series_count(names: tuple[str, ...]) -> int:
-    """How many series the named responses are, a position each."""
-    return sum(len(SERIES[name].positions) for name in names)
 
 
 def readout(

@@ -9,17 +9,8 @@ from numpy.typing import NDArray
 
 from freqrail.integrators import Accuracy
 from freqrail.realisation import fixed_amplitudes, mean_square, refined, sampled_track, spectral_lines, stream
-from freqrail.timedomain import (
-    PAPER,
-    SAMPLES_A_PERIOD,
-    Plan,
-    Point,
-    Prepared,
-    Simulated,
-    line_power,
-    run_records,
-    time_side,
-)
+from freqrail.responses import PAPER
+from freqrail.timedomain import SAMPLES_A_PERIOD, Plan, Point, Prepared, Simulated, line_power, run_records, time_side
 
 DEFAULT_TOLERANCES = Accuracy(relative=1e-3, absolute=1e-6)
 """What most programs integrate with unless told otherwise; `absolute` is not scaled by the states here."""

@@ -13,13 +13,14 @@ from collections.abc import Callable
 import numpy as np
 from independent import density, lagged, lags, outputs_of, read_off, reference_nodes, whole_axis_rms
 
-from freqrail.response import SERIES, chain_responses, system_response, track_response
+from freqrail.response import chain_responses, system_response, track_response
+from freqrail.responses import RESPONSES
 from freqrail.track import RationalSpectrum
 from freqrail.vehicle import DEGREES_OF_FREEDOM, Vehicle, half_vehicle, state_space
 
 INDEX = {name: place for place, name in enumerate(DEGREES_OF_FREEDOM)}
-PAPER_NAMES = tuple(SERIES)[:4]
-ALL_NAMES = tuple(SERIES)
+PAPER_NAMES = tuple(RESPONSES)[:4]
+ALL_NAMES = tuple(RESPONSES)
 
 
 def random_vehicle(rng: np.random.Generator, joints: tuple[float, float] = (0.5e6, 100e6)) -> Vehicle:
@@ -75,7 +76,7 @@ def from_chains(
     test_response holds the chains to `explicit_responses`; they keep more digits and take a tenth of the time.
     """
     chains = chain_responses(vehicle, omega)
-    return {name: track_response(SERIES[name], vehicle, omega, speed, chains) for name in names}
+    return {name: track_response(RESPONSES[name], vehicle, omega, speed, chains) for name in names}
 
 
 def all_poles(vehicle: Vehicle, spectrum: RationalSpectrum, speed: float) -> np.ndarray:

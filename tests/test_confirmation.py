@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import freqrail
-from freqrail import confirmation_figures, figures, findings, runs, summary, timedomain
+from freqrail import confirmation_figures, figures, findings, responses, runs, summary, timedomain
 from freqrail.case import build_case
 from freqrail.cli import run as command
 from freqrail.confirmation import carry_out
@@ -95,7 +95,7 @@ def test_the_dataset_has_the_names_and_dimensions_of_the_design(confirmed):
 def test_the_frequency_domain_number_is_the_results_own(result, confirmed):
     own = result.sel(speed=300, primary_joint_stiffness=5, secondary_joint_stiffness=5)
     found = confirmed.sel(point=2)
-    for name in timedomain.PAPER:
+    for name in responses.PAPER:
         for model, prefix in (("joint", ""), ("traditional", "traditional_")):
             here, there = found[f"{name}_rms_frequency_domain"].sel(model=model), own[f"{prefix}{name}_rms"]
             np.testing.assert_allclose(here, there, rtol=1e-12)
@@ -105,7 +105,7 @@ def test_the_frequency_domain_number_is_the_results_own(result, confirmed):
 def test_all_numbers_stand_and_the_interval_holds_the_number(confirmed):
     assert findings.problems(confirmed) == []
     assert confirmed.solver_error.max() < 2e-5
-    for name in timedomain.PAPER:
+    for name in responses.PAPER:
         low, high = confirmed[f"{name}_rms_verdict_low"], confirmed[f"{name}_rms_verdict_high"]
         assert bool(
             ((low < confirmed[f"{name}_rms_frequency_domain"]) & (confirmed[f"{name}_rms_pooled"] < high)).all()
@@ -255,8 +255,8 @@ def test_a_run_that_fails_is_nan_with_a_verdict_and_its_reason(result, monkeypat
 
 def test_the_smallest_fault_seen_is_one_that_the_interval_just_leaves_out(confirmed):
     """A number right but for that fault lies outside, one right but for nine tenths of it does not."""
-    for name in timedomain.PAPER:
-        part = findings.series_of(timedomain.PAPER)[name]
+    for name in responses.PAPER:
+        part = findings.series_of(responses.PAPER)[name]
         own = confirmed[f"{name}_rms_frequency_domain"].values
         low, high = confirmed[f"{name}_rms_verdict_low"].values, confirmed[f"{name}_rms_verdict_high"].values
         fault = confirmed.smallest_fault_seen.values[..., part]

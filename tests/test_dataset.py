@@ -15,8 +15,8 @@ from helpers import ALL_NAMES, explicit_responses, reference_rms
 import freqrail
 from freqrail.dataset import content_digest
 from freqrail.errors import InputError
-from freqrail.names import RESPONSES
 from freqrail.points import result_case
+from freqrail.responses import RESPONSES
 
 CASE = "yu-damper-joint"
 PRIMARY, SECONDARY = "primary_joint_stiffness", "secondary_joint_stiffness"

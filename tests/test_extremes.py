@@ -20,7 +20,7 @@ from mpmath import cbrt, exp, linspace, mp, mpc, mpf, quad
 from freqrail import grid
 from freqrail import solution as the_solution
 from freqrail.band import Band
-from freqrail.response import SERIES
+from freqrail.responses import RESPONSES
 from freqrail.study import Study
 from freqrail.track import RationalSpectrum
 from freqrail.vehicle import Vehicle
@@ -187,7 +187,7 @@ def test_at_the_corners_of_a_wide_range_the_kernel_neither_raises_nor_hangs(seed
     spectrum = RationalSpectrum("rational", 4.032e-7, (0.0206 * 10.0 ** rng.choice([-6, 0]), 0.8246))
     speeds = np.array([1e-3 / 3.6, 600 / 3.6])
     start = time.process_time()
-    solution = grid.solve(Study(Vehicle(**vehicle), speeds, spectrum, band, tuple(SERIES)))
+    solution = grid.solve(Study(Vehicle(**vehicle), speeds, spectrum, band, tuple(RESPONSES)))
     assert time.process_time() - start < 60
     for name, values in solution.rms.items():
         given = np.isfinite(values)
@@ -204,7 +204,7 @@ def test_a_spring_of_nothing_without_a_damper_ends():
             np.array([SPEED]),
             RationalSpectrum("german-low", GERMAN_LOW[0], GERMAN_LOW[1:]),
             None,
-            tuple(SERIES),
+            tuple(RESPONSES),
         )
         start = time.process_time()
         solution = grid.solve(study)

@@ -15,7 +15,7 @@ import pytest
 from reference import plain_solver
 
 import freqrail
-from freqrail.names import RESPONSES
+from freqrail.responses import RESPONSES
 from freqrail.track import GERMAN_CUTOFFS, GERMAN_ROUGHNESS
 from freqrail.vehicle import static_wheel_load
 

@@ -23,7 +23,8 @@ from scipy.linalg import solve_continuous_lyapunov
 from freqrail import grid, residues, rms
 from freqrail import solution as the_solution
 from freqrail.band import Band
-from freqrail.response import SERIES, chain_responses, track_response
+from freqrail.response import chain_responses, track_response
+from freqrail.responses import RESPONSES
 from freqrail.study import Study
 from freqrail.track import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.vehicle import Vehicle, chain_system, poles, state_space
@@ -183,7 +184,7 @@ def test_shapes_are_positions_then_grid_then_speeds(table_i):
     solution = solve(table_i, [30.0, 60.0, 80.0], names=ALL_NAMES)
     assert solution.status.shape == solution.method.shape == (6, 6, 3)
     for name in ALL_NAMES:
-        assert solution.rms[name].shape == (len(SERIES[name].positions), 6, 6, 3)
+        assert solution.rms[name].shape == (len(RESPONSES[name].signs), 6, 6, 3)
 
 
 # --- against other methods ---------------------------------------------------------------------------
@@ -662,7 +663,7 @@ def test_a_tabulated_spectrum_is_integrated_between_its_kinks(paper_vehicle):
         total = 0.0
         for low, high in itertools.pairwise(ends):
             omega = (low + high) / 2 + (high - low) / 2 * x
-            series, chains = SERIES[name], chain_responses(paper_vehicle, omega)
+            series, chains = RESPONSES[name], chain_responses(paper_vehicle, omega)
             transfer = track_response(series, paper_vehicle, omega, speed, chains)
             total = total + np.abs(transfer) ** 2 @ (
                 w * (high - low) / 2 * wavenumber_psd(table, omega / speed) / speed

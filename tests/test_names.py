@@ -8,9 +8,9 @@ from dataclasses import fields
 import pytest
 
 import freqrail
-from freqrail.names import COMPLIANCES, DIMENSIONS, JOINTS, PARAMETERS, RESPONSES, SWEEPABLE, suggestion
+from freqrail.names import COMPLIANCES, JOINTS, PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import parse_axis, parse_quantity, unit_factor
-from freqrail.response import SERIES
+from freqrail.responses import DIMENSIONS, RESPONSES
 from freqrail.vehicle import Vehicle
 
 
@@ -82,22 +82,22 @@ def test_every_axis_of_a_dataset_is_in_the_table(everything):
     assert set(everything.coords) == {*everything.dims, *COMPLIANCES.values(), *scalars, *band}
     for name in set(everything.dims) & set(PARAMETERS):
         assert everything[name].attrs["long_name"] == PARAMETERS[name].meaning
-    for name, (long_name, labels) in DIMENSIONS.items():
-        assert everything[name].attrs["long_name"] == long_name
-        assert everything[name].values.tolist() == list(labels)
+    for name, dimension in DIMENSIONS.items():
+        assert everything[name].attrs["long_name"] == dimension.long_name
+        assert everything[name].values.tolist() == list(dimension.labels)
 
 
 @pytest.mark.parametrize("name", RESPONSES)
 def test_responses_agree_with_the_kernel_and_the_dataset(everything, name):
     response = RESPONSES[name]
     assert response.name == name
-    assert len(SERIES[name].positions) == max(1, len(response.positions))
+    assert len(RESPONSES[name].signs) == max(1, len(response.positions))
     variable = everything[f"{name}_rms"]
     assert variable.attrs["units"] == response.unit
     assert everything[f"{name}_psd"].attrs["units"] == response.psd_unit
     assert [d for d in variable.dims if d not in PARAMETERS] == ([response.dimension] if response.dimension else [])
-    if response.dimension:
-        assert DIMENSIONS[response.dimension][1] == response.positions
+    # the words of a place in a figure: one for each label
+    assert [len(d.words) for d in DIMENSIONS.values()] == [len(d.labels) for d in DIMENSIONS.values()]
 
 
 def test_the_papers_four_responses_come_first():

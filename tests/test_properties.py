@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 import freqrail
 from freqrail import grid, solution
 from freqrail.band import Band
-from freqrail.response import SERIES, chain_responses, system_response, track_response
+from freqrail.response import chain_responses, system_response, track_response
+from freqrail.responses import RESPONSES
 from freqrail.study import Study, cells
 from freqrail.track import RationalSpectrum
 from freqrail.vehicle import Vehicle, half_vehicle, poles
@@ -89,10 +90,10 @@ def test_the_front_of_a_vehicle_is_the_rear_of_one_that_runs_backwards(vehicle, 
     omega = 2 * np.pi * np.array([frequency])
     chains = chain_responses(vehicle, omega)
     for name in ("car_body_acceleration", "bogie_acceleration", "secondary_stroke"):
-        ahead, back = (np.abs(track_response(SERIES[name], vehicle, omega, v, chains)) for v in (speed, -speed))
+        ahead, back = (np.abs(track_response(RESPONSES[name], vehicle, omega, v, chains)) for v in (speed, -speed))
         np.testing.assert_allclose(ahead, back[::-1], rtol=1e-9, atol=1e-12 * ahead.max())
     for name in ("primary_stroke", "wheelset_acceleration"):
-        ahead, back = (np.abs(track_response(SERIES[name], vehicle, omega, v, chains)) for v in (speed, -speed))
+        ahead, back = (np.abs(track_response(RESPONSES[name], vehicle, omega, v, chains)) for v in (speed, -speed))
         np.testing.assert_allclose(ahead, back[::-1], rtol=1e-9, atol=1e-12 * ahead.max())
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from freqrail import grid, residues
 from freqrail import solution as the_solution
-from freqrail.response import SERIES
+from freqrail.responses import RESPONSES
 from freqrail.study import Study
 from freqrail.track import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.vehicle import Vehicle, chain_system, hertzian_contact_stiffness, state_space, static_wheel_load
@@ -62,7 +62,9 @@ def test_closed_form_and_quadrature_agree_on_the_paper_grid(paper_vehicle, germa
         primary_joint_stiffness=stiffness[:, None],
         secondary_joint_stiffness=stiffness[None, :],
     )
-    names = tuple(name for name in SERIES if name != "wheelset_acceleration")  # whose tail the quadrature only bounds
+    names = tuple(
+        name for name in RESPONSES if name != "wheelset_acceleration"
+    )  # whose tail the quadrature only bounds
     study = Study(vehicles, np.array([20.0, 100, 250, 600]) * KMH, german_low, None, names)
     squares = residues.mean_squares(vehicles, names, german_low, study.speed)
     for index in np.ndindex(3, 3):
@@ -156,7 +158,7 @@ def test_the_unit_of_time_is_ours_to_choose(paper_vehicle, german_low, slower):
         one = residues.mean_squares(vehicle, NAMES, german_low, speed)
         other = residues.mean_squares(slow(vehicle), NAMES, german_low, speed / slower)
         for name in NAMES:
-            factor = slower ** (2 * SERIES[name].derivative)
+            factor = slower ** (2 * RESPONSES[name].derivative)
             np.testing.assert_allclose(factor * other[name].value, one[name].value, rtol=1e-9)
 
 
@@ -233,11 +235,11 @@ def test_cutoffs_may_be_equal_or_nearly_so(paper_vehicle, cutoff, apart):
 def test_equal_cutoffs_have_all_responses(paper_vehicle):
     """Also the wheelsets' acceleration, whose tail no quadrature reaches."""
     track = RationalSpectrum("rational", 4.032e-7, (0.5, 0.5))
-    solution = grid.solve(Study(paper_vehicle, np.array([20, 250]) * KMH, track, None, tuple(SERIES)))
+    solution = grid.solve(Study(paper_vehicle, np.array([20, 250]) * KMH, track, None, tuple(RESPONSES)))
     assert np.all(solution.method == the_solution.METHOD.index("closed_form"))
     beside = RationalSpectrum("rational", 4.032e-7, (0.499, 0.501))
-    other = grid.solve(Study(paper_vehicle, np.array([20, 250]) * KMH, beside, None, tuple(SERIES)))
-    for name in SERIES:
+    other = grid.solve(Study(paper_vehicle, np.array([20, 250]) * KMH, beside, None, tuple(RESPONSES)))
+    for name in RESPONSES:
         assert solution.rms[name] == pytest.approx(other.rms[name], rel=5e-3)
 
 

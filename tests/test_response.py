@@ -21,7 +21,6 @@ from freqrail import grid
 from freqrail.band import Band
 from freqrail.response import (
     LAG_COLUMNS,
-    SERIES,
     chain_response,
     chain_responses,
     column_powers,
@@ -33,6 +32,7 @@ from freqrail.response import (
     track_response,
     wheel_lags,
 )
+from freqrail.responses import RESPONSES
 from freqrail.study import Study
 from freqrail.vehicle import CHAINS, Vehicle, chain_system, half_vehicle, leg_dynamic_stiffness, state_space
 
@@ -52,7 +52,7 @@ EPSILON = np.finfo(float).eps
 
 
 def from_chains(name: str, vehicle: Vehicle, omega: np.ndarray, speed: float) -> np.ndarray:
-    return track_response(SERIES[name], vehicle, omega, speed, chain_responses(vehicle, omega))
+    return track_response(RESPONSES[name], vehicle, omega, speed, chain_responses(vehicle, omega))
 
 
 def seen_from_first_wheel(vehicle: Vehicle, omega: np.ndarray, speed: float) -> np.ndarray:
@@ -75,7 +75,7 @@ def lost_digits(vehicle: Vehicle, name: str, omega: np.ndarray) -> np.ndarray:
 def test_chains_equal_the_equations_of_motion_with_explicit_lags(vehicle, name, speed):
     found = from_chains(name, vehicle, OMEGA, speed) * seen_from_first_wheel(vehicle, OMEGA, speed)
     expected = explicit_responses(vehicle, OMEGA, speed, (name,))[name]
-    assert found.shape == expected.shape == (len(SERIES[name].positions), OMEGA.size)
+    assert found.shape == expected.shape == (len(RESPONSES[name].signs), OMEGA.size)
     assert np.all(np.abs(found - expected) <= 1e-9 * np.abs(expected) + lost_digits(vehicle, name, OMEGA))
 
 
@@ -128,7 +128,7 @@ def test_a_grid_of_vehicles_is_answered_vehicle_by_vehicle(name, paper_vehicle):
         primary_joint_stiffness=stiffness[:, None, None],
         secondary_damping=damping[None, :, None],
     )
-    found = np.broadcast_to(from_chains(name, many, omega, speed), (len(SERIES[name].positions), 3, 2, omega.size))
+    found = np.broadcast_to(from_chains(name, many, omega, speed), (len(RESPONSES[name].signs), 3, 2, omega.size))
     for i, k in enumerate(stiffness):
         for j, c in enumerate(damping):
             one = replace(paper_vehicle, primary_joint_stiffness=k, secondary_damping=c)
@@ -146,11 +146,11 @@ def test_columns_times_powers_are_the_square_of_the_sum(name, seed, speed):
     """|T|^2 as seven real columns of the lags times powers of the vehicle, none of which knows of the other."""
     (vehicle,) = random_vehicles(1, seed)
     omega = OMEGA[::5]
-    series, chains = SERIES[name], chain_responses(vehicle, omega)
+    series, chains = RESPONSES[name], chain_responses(vehicle, omega)
     columns = lag_columns(vehicle, omega, np.array([speed]))
     assert columns.shape == (LAG_COLUMNS, omega.size, 1)
     square = np.abs(track_response(series, vehicle, omega, speed, chains)) ** 2
-    for place, position in enumerate(series.positions):
+    for place, position in enumerate(series.signs):
         signs = column_signs(position)
         powers = list(column_powers(series, vehicle, omega, chains, top_products(chains)))
         terms = np.array([signs[column] * power * columns[column, :, 0] for column, power in powers])
@@ -181,17 +181,17 @@ def test_lags_stay_when_geometry_and_speed_grow_together():
 @every_series
 def test_running_backwards_exchanges_front_and_rear(vehicle, name):
     """With the lags negated the last axle leads: what the front did, the rear now does; nose up becomes nose down."""
-    series = SERIES[name]
+    series = RESPONSES[name]
     forwards, backwards = (from_chains(name, vehicle, OMEGA, v) for v in (60.0, -60.0))
     mirrored = {(1, 0): (-1, 0), (-1, 0): (1, 0), (0, 0): (0, 0)}
     mirrored |= {(1, 1): (-1, -1), (1, -1): (-1, 1), (-1, 1): (1, -1), (-1, -1): (1, 1)}
-    for place, position in enumerate(series.positions):
+    for place, position in enumerate(series.signs):
         if series.arm == "half_bogie_spacing":
             other, sign = place, -1  # the only position
         elif series.arm == "half_wheelbase":
             other, sign = 1 - place, -1
         else:
-            other, sign = series.positions.index(mirrored[position]), 1
+            other, sign = series.signs.index(mirrored[position]), 1
         tolerance = 1e-12 * np.max(np.abs(forwards))
         assert np.max(np.abs(backwards[place] - sign * forwards[other])) <= tolerance
 
@@ -208,7 +208,7 @@ def test_the_car_bodys_centre_does_not_know_its_pitch_inertia():
     vehicle = VEHICLES[0]
     heavier = replace(vehicle, car_body_pitch_inertia=3 * vehicle.car_body_pitch_inertia)
     light, heavy = (from_chains("car_body_acceleration", v, OMEGA, 60.0) for v in (vehicle, heavier))
-    centre = SERIES["car_body_acceleration"].positions.index((0, 0))
+    centre = RESPONSES["car_body_acceleration"].signs.index((0, 0))
     assert np.array_equal(light[centre], heavy[centre])
     assert np.max(np.abs(light[0] - heavy[0])) > 1e-2 * np.max(np.abs(light))
 
@@ -332,7 +332,7 @@ def test_psd_is_the_square_of_the_response_times_the_track_per_hz(name, german_l
     omega = 2 * np.pi * frequency
     expected = np.abs(explicit_responses(vehicle, omega, speed, (name,))[name]) ** 2
     expected = expected * 2 * np.pi * density(german_low, omega, speed)
-    found = response_psd(SERIES[name], vehicle, german_low, frequency, speed)
+    found = response_psd(RESPONSES[name], vehicle, german_low, frequency, speed)
     assert np.all(found >= 0)
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
@@ -346,7 +346,7 @@ def test_psd_adds_up_to_the_rms(model, paper_vehicle, german_low):
     study = Study(vehicle, np.array([speed]), german_low, Band("frequency", low, high), ALL_NAMES)
     solution = grid.solve(study)
     for name in ALL_NAMES:
-        psd = response_psd(SERIES[name], vehicle, german_low, frequency, speed)
+        psd = response_psd(RESPONSES[name], vehicle, german_low, frequency, speed)
         area = simpson(psd, x=frequency, axis=-1)
         np.testing.assert_allclose(np.sqrt(area), solution.rms[name][:, 0], rtol=1e-8)
 
@@ -357,11 +357,11 @@ def test_psds_of_a_grid_are_those_of_its_vehicles_and_speeds(paper_vehicle, germ
     many = replace(paper_vehicle, primary_joint_stiffness=stiffness)
     found = grid.psd(Study(many, speeds, german_low, None, ALL_NAMES), frequency)
     for name in ALL_NAMES:
-        assert found[name].shape == (len(SERIES[name].positions), 2, 3, 20)
+        assert found[name].shape == (len(RESPONSES[name].signs), 2, 3, 20)
         for i, k in enumerate(stiffness):
             for j, speed in enumerate(speeds):
                 one = replace(paper_vehicle, primary_joint_stiffness=k)
-                expected = response_psd(SERIES[name], one, german_low, frequency, speed)
+                expected = response_psd(RESPONSES[name], one, german_low, frequency, speed)
                 np.testing.assert_allclose(found[name][:, i, j], expected, rtol=1e-12)
 
 

@@ -22,7 +22,8 @@ from numpy.polynomial import chebyshev, legendre
 
 from freqrail import rms
 from freqrail.band import Band, band_limits
-from freqrail.response import SERIES, chain_responses, wheel_lags
+from freqrail.response import chain_responses, wheel_lags
+from freqrail.responses import RESPONSES
 from freqrail.track import RationalSpectrum
 from freqrail.vehicle import Vehicle, poles
 
@@ -341,11 +342,11 @@ def test_the_bound_beyond_the_last_node_is_that_of_three_chains_whatever_their_p
     bound = rms.truncation_bound(paper_vehicle, (name,), TRACK, np.array([speed]), cutoff)[name][:, 0]
     x, w = legendre.leggauss(200)
     omega, weight = cutoff * np.exp(5 + 5 * x), 5 * w
-    series, chains = SERIES[name], chain_responses(paper_vehicle, omega)
+    series, chains = RESPONSES[name], chain_responses(paper_vehicle, omega)
     arm = getattr(paper_vehicle, series.arm) if series.arm else 1.0
     weighted = 3 * omega ** (2 * series.derivative) * density(TRACK, omega, speed) * weight * omega
-    part = {c: np.abs(chains[c].ratios[series.quantity] * chains[c].top / arm) ** 2 @ weighted for c in series.chains}
-    for found, (sigma, _) in zip(bound, series.positions, strict=True):  # at the car's centre there is no pitch
+    part = {c: np.abs(chains[c].ratios[series.element] * chains[c].top / arm) ** 2 @ weighted for c in series.chains}
+    for found, (sigma, _) in zip(bound, series.signs, strict=True):  # at the car's centre there is no pitch
         expected = sum(value for chain, value in part.items() if sigma or chain != "pitch")
         assert found == pytest.approx(expected, rel=1e-6, abs=0)
 

@@ -12,8 +12,9 @@ from freqrail import grid, timedomain, verdicts
 from freqrail.band import Band
 from freqrail.errors import InputError
 from freqrail.integrators import Accuracy
+from freqrail.responses import PAPER, series_count
 from freqrail.study import Study
-from freqrail.timedomain import MODELS, PAPER, Plan, Point, Simulated, series_count
+from freqrail.timedomain import MODELS, Plan, Point, Simulated
 from freqrail.track import RationalSpectrum
 from freqrail.usual_run import plain_run
 from freqrail.vehicle import half_vehicle, state_space

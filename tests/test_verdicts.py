@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_timedomain import BAND, SHORT, reference
 
-from freqrail import timedomain, verdicts
+from freqrail import responses, timedomain, verdicts
 from freqrail.realisation import gaussian_amplitudes, mean_square, spectral_lines, stream
 from freqrail.timedomain import Point
 from freqrail.track import RationalSpectrum
@@ -23,7 +23,7 @@ def test_the_interval_covers_the_true_rms_in_95_per_cent_of_2000_seeds(point):
     """Closed-form line RMS, nothing integrated: all eleven series of both models."""
     plan = replace(SHORT, period=60.0, realisations=1)
     lines = spectral_lines(point.spectrum, point.speed, BAND, plan.period)
-    power = timedomain.line_power(point, timedomain.PAPER, lines.frequency)
+    power = timedomain.line_power(point, responses.PAPER, lines.frequency)
     degrees = verdicts.degrees_of_freedom(power, lines, plan.realisations)
     true = reference(point)
     covered = np.zeros(true.shape)
@@ -38,7 +38,7 @@ def test_the_interval_covers_the_true_rms_in_95_per_cent_of_2000_seeds(point):
 
 def test_the_sum_over_lines_is_the_rms_over_the_continuous_spectrum(point):
     lines = spectral_lines(point.spectrum, point.speed, BAND, 60.0)
-    power = timedomain.line_power(point, timedomain.PAPER, lines.frequency)
+    power = timedomain.line_power(point, responses.PAPER, lines.frequency)
     total = np.sqrt(power @ lines.amplitude**2 / 2)
     np.testing.assert_allclose(total, reference(point), rtol=1e-8)
 

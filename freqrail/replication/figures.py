@@ -25,7 +25,7 @@ from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from freqrail.figures import STYLE, save
-from freqrail.names import JOINTS, PARAMETERS, RESPONSES
+from freqrail.names import JOINTS, PARAMETERS
 from freqrail.replication.claims import (
     BOGIE,
     CAR,
@@ -38,6 +38,7 @@ from freqrail.replication.claims import (
 )
 from freqrail.replication.judging import OTHER_JOINT, PLACES
 from freqrail.replication.words import percent
+from freqrail.responses import DIMENSIONS, RESPONSES
 
 FORMATS = ("svg", "png")
 
@@ -51,7 +52,6 @@ _STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 1e4, 1e5
 _MAP_COLOURS = "RdBu_r"
 _FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
 _ALL = (CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE)
-_WHERE = {CAR: "at the centre", BOGIE: "front bogie", SECONDARY_STROKE: "front bogie", PRIMARY_STROKE: "axle 1"}
 
 
 @dataclass(frozen=True)
@@ -329,7 +329,8 @@ def _figure(height: float) -> Figure:
 def _panels(figure: Figure, names: Sequence[str]) -> list[tuple[str, Axes]]:
     axes = figure.subplots(-(-len(names) // 2), 2, squeeze=False).ravel()
     for letter, name, ax in zip("abcd", names, axes, strict=False):
-        ax.set_title(f"({letter}) {RESPONSES[name].long_name}, {_WHERE[name]}")
+        dimension = RESPONSES[name].dimension
+        ax.set_title(f"({letter}) {RESPONSES[name].long_name}, {DIMENSIONS[dimension].place(PLACES[dimension])}")
     return list(zip(names, axes, strict=True))
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from freqrail.names import JOINTS, RESPONSES
+from freqrail.names import JOINTS
 from freqrail.replication import judging
 from freqrail.replication.claims import CLAIMS, PAPER_POINT, PRIMARY, RESPONSE_NAMES, Claim
 from freqrail.replication.contradictions import contradictions
@@ -27,6 +27,7 @@ from freqrail.replication.studies import TABLE_I
 from freqrail.replication.thresholds import CHOSEN, KNIFE_EDGE, MEANING, PLAUSIBLE
 from freqrail.replication.unjudged import unjudged
 from freqrail.replication.variations import Variation
+from freqrail.responses import RESPONSES
 from freqrail.summary import largest_error, number
 from freqrail.vehicle import Vehicle, poles
 

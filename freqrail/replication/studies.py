@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from freqrail.band import band_limits
 from freqrail.campaign import sweep
 from freqrail.case import Case, load_case
-from freqrail.dataset import MODELS, attributes
-from freqrail.names import AXLES, JOINTS, RESPONSES
+from freqrail.dataset import MODELS, attributes, position_coordinates
+from freqrail.names import JOINTS
 from freqrail.realisation import fixed_amplitudes, spectral_lines, stream
 from freqrail.replication.claims import PAPER_POINT, PAPER_SPEED
 from freqrail.replication.judging import OTHER_JOINT
-from freqrail.response import SERIES, STAGES, chain_responses, track_response, wheel_lags
+from freqrail.response import STAGES, chain_responses, track_response, wheel_lags
+from freqrail.responses import RESPONSES
 from freqrail.vehicle import Vehicle, leg_dynamic_stiffness
 
 CASE = "yu-damper-joint"
@@ -113,7 +114,7 @@ def histories() -> xr.Dataset:
         chains = chain_responses(model, omega)
         for name, response in RESPONSES.items():
             if response.paper:
-                transfer = track_response(SERIES[name], model, omega, speed, chains)
+                transfer = track_response(RESPONSES[name], model, omega, speed, chains)
                 variables[f"{prefix}{name}_history"] = (
                     (response.dimension, "sample"),
                     in_time(transfer * centre),
@@ -121,7 +122,7 @@ def histories() -> xr.Dataset:
                 )
     coordinates: dict[str, Any] = {
         "time": ("sample", np.arange(samples) / RATE, {"units": "s", "long_name": "time"}),
-        "axle": ("axle", np.array(AXLES, dtype=np.int32), {"long_name": "axle, counted from the front"}),
+        **position_coordinates({"axle"}),
     }
     for response in RESPONSES.values():
         if response.paper and response.dimension not in coordinates:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from freqrail.band import Band, band_limits
 from freqrail.case import Case
-from freqrail.names import JOINTS, RESPONSES
+from freqrail.names import JOINTS
 from freqrail.replication.claims import BOGIE, CAR, RESPONSE_NAMES, judge_all
 from freqrail.replication.judging import OTHER_JOINT, Finding
 from freqrail.replication.procedures import DURATION, Procedure, run
 from freqrail.replication.variations import Variation, relabelled
-from freqrail.timedomain import PAPER, series_count
+from freqrail.responses import PAPER, RESPONSES, series_count
 
 SPEEDS = (100.0, 120.0, 150.0, 180.0, 200.0, 220.0, 250.0, 280.0, 300.0)  # km/h
 NAIVE_RECORDS = 2  # tracks of the slow run that has every habit at once

@@ -20,14 +20,14 @@ from freqrail.band import Band
 from freqrail.campaign import sweep
 from freqrail.case import Case
 from freqrail.errors import FreqrailWarning
-from freqrail.names import JOINTS, RESPONSES
+from freqrail.names import JOINTS
 from freqrail.replication import judging, printed
 from freqrail.replication.claims import judge_all
 from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places
 from freqrail.replication.studies import CASE
 from freqrail.replication.words import percent
-from freqrail.response import SERIES
-from freqrail.timedomain import PAPER as IN_ORDER
+from freqrail.responses import PAPER as IN_ORDER
+from freqrail.responses import RESPONSES
 
 # The field's contact constants G = c R^e in m/N^(2/3), R the wheel radius in m: conical and worn tread.
 TREADS = {"conical": (4.57e-8, -0.149), "worn": (3.86e-8, -0.115)}
@@ -138,13 +138,13 @@ def _change(varied: xr.Dataset, exact: xr.Dataset) -> str:
 def relabelled(exact: xr.Dataset, joint: NDArray[np.float64], rigid: NDArray[np.float64]) -> xr.Dataset:
     """The exact grid with RMS values of another origin: [primary, secondary, series, speed] and [series, speed].
 
-    Series in the order of `timedomain.readout`; speeds as in `exact`, which may be a selection.
+    Response in the order of `timedomain.readout`; speeds as in `exact`, which may be a selection.
     """
     variables: dict[str, Any] = {}
     first = 0
     for name in IN_ORDER:
         dimension = RESPONSES[name].dimension
-        rows = slice(first, first + len(SERIES[name].positions))
+        rows = slice(first, first + len(RESPONSES[name].signs))
         first = rows.stop
         variables[f"{name}_rms"] = ((*JOINTS, dimension, "speed"), joint[:, :, rows])
         variables[f"traditional_{name}_rms"] = ((dimension, "speed"), rigid[rows])

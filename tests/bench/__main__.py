@@ -22,7 +22,7 @@ import numpy as np
 
 import freqrail
 from freqrail import grid
-from freqrail.names import RESPONSES
+from freqrail.responses import RESPONSES
 from freqrail.study import Study
 from tests.bench.peers import PEERS, user_loop
 from tests.independent import PAPER, SPEED, TRACK, band_rms, state_matrices, whole_axis_rms

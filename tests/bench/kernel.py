@@ -16,7 +16,7 @@ from freqrail import grid, nodes, rms
 from freqrail.band import Band
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.columns import reduce
-from freqrail.response import SERIES
+from freqrail.responses import RESPONSES
 from freqrail.solver import lags, quadrature
 from freqrail.study import Study, cells, cut
 
@@ -29,7 +29,7 @@ def paper_study(count: int = 100, speeds: int = 100) -> Study:
     joints = np.geomspace(0.5e6, 100e6, count)
     vehicle = replace(case.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[None, :])
     speed = np.linspace(100, 300, speeds) / 3.6
-    return Study(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(SERIES)[:4])
+    return Study(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES)[:4])
 
 
 def main() -> None:

@@ -18,8 +18,9 @@ import pint
 import freqrail
 from freqrail.case import Case, build_case
 from freqrail.errors import FreqrailError, FreqrailWarning
-from freqrail.names import PARAMETERS, RESPONSES, SWEEPABLE
+from freqrail.names import PARAMETERS, SWEEPABLE
 from freqrail.points import parse_point
+from freqrail.responses import RESPONSES
 from freqrail.shipped import shipped_cases
 from freqrail.summary import case_derived, mode_records, printable
 

@@ -15,7 +15,8 @@ import numpy as np
 import freqrail
 from freqrail.case import build_case
 from freqrail.errors import FreqrailError
-from freqrail.names import JOINTS, PARAMETERS, RESPONSES
+from freqrail.names import JOINTS, PARAMETERS
+from freqrail.responses import RESPONSES
 from freqrail.shipped import shipped_cases
 from freqrail.solution import STATUS, TOLERANCE
 from freqrail.summary import case_derived, mode_records

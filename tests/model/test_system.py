@@ -11,7 +11,7 @@ from freqrail.model.assembled import state_space
 from freqrail.model.elements import Inerter, Spring
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.model.system import Freedom, Leg, System, Wheel, evaluate, structure
-from freqrail.response import SERIES
+from freqrail.responses import RESPONSES
 
 RATIONAL = [kind for kind in MAKERS if kind != "irrational laws"]
 
@@ -22,8 +22,8 @@ def numbers(vehicle: old.Vehicle) -> dict:
 
 def test_the_template_has_the_parameters_of_the_case_file():
     assert set(half_vehicle().parameters) == set(old.Vehicle.__dataclass_fields__)
-    assert tuple(output.name for output in outputs()) == tuple(SERIES)
-    assert [len(output.taps) for output in outputs()] == [len(series.positions) for series in SERIES.values()]
+    assert tuple(output.name for output in outputs()) == tuple(RESPONSES)
+    assert [len(output.taps) for output in outputs()] == [len(response.signs) for response in RESPONSES.values()]
 
 
 @pytest.mark.parametrize("joint", [5e6, np.inf])

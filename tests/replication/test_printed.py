@@ -9,8 +9,9 @@ import pytest
 
 from freqrail import grid
 from freqrail.replication import printed
+from freqrail.responses import PAPER
 from freqrail.study import Study
-from freqrail.timedomain import PAPER, readout
+from freqrail.timedomain import readout
 from freqrail.vehicle import half_vehicle, state_space
 
 

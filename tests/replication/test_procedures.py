@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from freqrail.realisation import fixed_amplitudes, mean_square, sampled_track, spectral_lines, stream
 from freqrail.replication import procedures
 from freqrail.replication.procedures import ABSOLUTE, DURATION, RELATIVE, Procedure, run
-from freqrail.response import SERIES, chain_responses, track_response, wheel_lags
+from freqrail.response import chain_responses, track_response, wheel_lags
+from freqrail.responses import RESPONSES
 from freqrail.timedomain import readout
 from freqrail.vehicle import half_vehicle, state_space
 
@@ -94,7 +95,7 @@ def test_a_level_start_forgets_itself_into_the_lines_own_rms(paper_vehicle, pape
     omega = 2 * np.pi * lines.frequency
     chains = chain_responses(paper_vehicle, omega)
     name = "bogie_acceleration"
-    transfer = track_response(SERIES[name], paper_vehicle, omega, SPEED, chains)
+    transfer = track_response(RESPONSES[name], paper_vehicle, omega, SPEED, chains)
     expected = np.sqrt(mean_square(np.square(np.abs(transfer)), amplitudes))[:, 0]
     np.testing.assert_allclose(found[3:5], expected, rtol=0.03)
 

@@ -12,7 +12,7 @@ from freqrail.replication.judging import FAILS, HOLDS, PARTLY, Finding
 from freqrail.replication.procedures import Procedure
 from freqrail.replication.time_variations import Trial
 from freqrail.replication.variations import Variation, beside_own_rigid, relabelled
-from freqrail.timedomain import PAPER
+from freqrail.responses import PAPER
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from freqrail.band import Band
 from freqrail.model.assembled import state_space
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.columns import reduce
-from freqrail.response import SERIES
+from freqrail.responses import RESPONSES
 from freqrail.rms import MeanSquare
 from freqrail.solver import lags, quadrature
 from freqrail.study import Study, cells, cut
@@ -61,7 +61,7 @@ def test_every_mean_square_is_that_of_the_dense_solution(kind, seed, german_low)
 def paper_study(vehicle, spectrum) -> Study:
     joints = np.geomspace(0.5e6, 100e6, 6)
     vehicle = replace(vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[:4])
-    return Study(vehicle, np.array([100.0, 180, 300]) / 3.6, spectrum, Band("frequency", 0.1, 100.0), tuple(SERIES))
+    return Study(vehicle, np.array([100.0, 180, 300]) / 3.6, spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES))
 
 
 def test_the_papers_grid_is_what_the_chains_give(paper_vehicle, german_low):
