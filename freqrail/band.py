@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.track import Number
+from freqrail.types import Number
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from freqrail.nodes import SharedNodes, shared_nodes
 from freqrail.plan import Plan
 from freqrail.study import cells
 from freqrail.study import cut as cut_grid
+from freqrail.types import Progress
 
 POINTS = 250_000
 """Most grid points of a block; with spectra, points times frequencies."""
@@ -67,7 +68,7 @@ def compute(
     block: Block,
     shared: Mapping[str, tuple[SharedNodes, ...]],
     jobs: int = 1,
-    progress: grid.Progress = lambda points: None,
+    progress: Progress = lambda points: None,
 ) -> dict[str, NDArray]:
     """The numbers of a block by variable, in the order of the variable's dimensions."""
     whole = plan.studies[block.prefix]

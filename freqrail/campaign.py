@@ -20,9 +20,9 @@ from freqrail.errors import InputError
 from freqrail.journal import Journal
 from freqrail.plan import Plan, check_memory
 from freqrail.quantities import given
+from freqrail.types import Progress
 from freqrail.version import __version__
 
-Progress = Callable[[int], object]
 Executor = Callable[[Plan, Sequence[Block], Progress], Iterable[tuple[Block, Mapping[str, NDArray]]]]
 """Computes blocks, in any order, and yields each with its numbers as soon as it is done."""
 

@@ -13,7 +13,7 @@ import socket
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from freqrail import blocks
 from freqrail.blocks import Block
-from freqrail.campaign import Executor, Progress
+from freqrail.campaign import Executor
 from freqrail.errors import FileError, FreqrailWarning, InputError
 from freqrail.grid import processors
 from freqrail.plan import Plan
 from freqrail.quantities import given
+from freqrail.types import Progress, SecondsProgress
 from freqrail.version import __version__
 
 TIMEOUT = 10.0
@@ -181,7 +182,7 @@ def _certificates(address: str) -> Any:
     return context
 
 
-def _in_time(task: Callable[[float], object], seconds: float) -> None:
+def _in_time(task: SecondsProgress, seconds: float) -> None:
     """Run a task that is told how long it may take, and give up on it then: a look-up of names knows no limit."""
     faults: list[BaseException] = []
 

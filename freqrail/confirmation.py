@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable
 
 import xarray as xr
 
@@ -15,6 +14,7 @@ from freqrail.findings import power_warnings
 from freqrail.references import references
 from freqrail.runs import Points, Run, check_cost, plan_run
 from freqrail.timedomain import Evidence, Plan
+from freqrail.types import Progress, SecondsProgress
 
 
 def confirm(
@@ -28,7 +28,7 @@ def confirm(
     band: str | None = None,
     max_time: str = "10 min",
     jobs: int = 1,
-    progress: Callable[[int], object] = lambda seconds: None,
+    progress: Progress = lambda seconds: None,
 ) -> xr.Dataset:
     """Simulate grid points of a result in time and judge its numbers by them.
 
@@ -53,7 +53,7 @@ def confirm(
     return carry_out(run, jobs, progress)
 
 
-def carry_out(run: Run, jobs: int = 1, progress: Callable[[int], object] = lambda seconds: None) -> xr.Dataset:
+def carry_out(run: Run, jobs: int = 1, progress: Progress = lambda seconds: None) -> xr.Dataset:
     """Simulate and judge the points of a plan; see `confirm`."""
     simulated, said = 0.0, 0
 
@@ -75,7 +75,7 @@ def carry_out(run: Run, jobs: int = 1, progress: Callable[[int], object] = lambd
     return dataset
 
 
-def _examine(point: timedomain.Point, plan: Plan, tighter: bool, progress: Callable[[float], object]) -> Evidence:
+def _examine(point: timedomain.Point, plan: Plan, tighter: bool, progress: SecondsProgress) -> Evidence:
     """`timedomain.examine`, telling of its progress in steps that are worth a message between processes."""
     waiting = 0.0
 

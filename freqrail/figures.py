@@ -40,6 +40,7 @@ from freqrail.quantities import printable
 from freqrail.responses import DIMENSIONS, RESPONSES, Response
 from freqrail.shipped import shipped_cases
 from freqrail.storage import open_result
+from freqrail.types import Progress
 
 FORMATS = ("png", "svg", "pdf")
 
@@ -82,7 +83,7 @@ def plot(
     folder: str | os.PathLike[str],
     format: str = "png",
     at: Point | None = None,
-    progress: Callable[[int], object] = lambda figures: None,
+    progress: Progress = lambda figures: None,
 ) -> list[Path]:
     """Draw every figure that a sweep's result allows into `folder`; returns the files' paths.
 

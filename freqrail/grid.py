@@ -27,6 +27,7 @@ from freqrail.response import response_psd
 from freqrail.responses import RESPONSES
 from freqrail.solution import METHOD, STATUS, TOLERANCE, Solution
 from freqrail.study import Study, cells, cells_by_geometry, cut
+from freqrail.types import Progress
 from freqrail.vehicle import chain_system, ladder, poles, state_space
 
 REFINE_ABOVE = 1e-8  # a shared-node result whose estimate exceeds this is computed anew with nodes of its own
@@ -34,8 +35,6 @@ CLOSED_FORM_BLOCK = 51_200  # grid points of a block in closed form
 BLOCK = 256  # vehicles whose sums over the nodes are held at once: few enough to stay in the cache
 OWN_NODES = 500  # of a single vehicle, at once
 PSD_BLOCK = 250_000  # vehicles x speeds x frequencies of a block of spectra
-
-Progress = Callable[[int], object]
 
 
 def solve(
@@ -173,7 +172,7 @@ def _own_quadrature(study: Study, index: tuple[int, ...]) -> dict[str, rms.MeanS
 
 
 def psd(
-    study: Study, frequency: NDArray[np.float64], progress: Callable[[int], object] = lambda points: None
+    study: Study, frequency: NDArray[np.float64], progress: Progress = lambda points: None
 ) -> dict[str, NDArray[np.float64]]:
     """One-sided PSDs {name: [positions, grid..., speeds, n]} at `frequency` [n] in Hz, per Hz, SI squared."""
     result = {name: np.empty((len(RESPONSES[name].signs), *study.shape, frequency.size)) for name in study.names}

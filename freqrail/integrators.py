@@ -23,13 +23,12 @@ from scipy.sparse import csc_matrix, identity, kron
 
 from freqrail.errors import NumericalError
 from freqrail.realisation import Track, basis_polynomials
+from freqrail.types import SecondsProgress
 from freqrail.vehicle import StateSpace
 
 INTEGRATORS = ("rk45", "exponential", "newmark", "radau")
 BLOCK = 500  # samples handed over at once
 DIVERGED = 1e9  # times the expected size of a state, beyond which a run has failed
-
-Progress = Callable[[float], object]
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ def integrate(
     size: NDArray[np.float64],
     stride: int,
     accuracy: Accuracy,
-    progress: Progress = lambda seconds: None,
+    progress: SecondsProgress = lambda seconds: None,
 ) -> Iterator[NDArray[np.float64]]:
     """States at every `stride`-th step of the track's period, in blocks [samples, states, records].
 
@@ -90,7 +89,7 @@ def _adaptive(
     size: NDArray[np.float64],
     stride: int,
     accuracy: Accuracy,
-    progress: Progress,
+    progress: SecondsProgress,
 ) -> Iterator[NDArray[np.float64]]:
     solver = solver_of(integrator, model, track, start, size, accuracy)
     times = stride * track.step * np.arange(track.samples // stride)
@@ -237,7 +236,7 @@ def _recurrent(
     start: NDArray[np.float64],
     size: NDArray[np.float64],
     stride: int,
-    progress: Progress,
+    progress: SecondsProgress,
 ) -> Iterator[NDArray[np.float64]]:
     z = rule.lift(start, track.heights(-track.startup))
     total = track.before + track.samples

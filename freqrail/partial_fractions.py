@@ -6,16 +6,14 @@ An element of a chain (see `freqrail.response`) is X(s) = sum of residue_k / (s 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.response import BODIES, STAGES, descend
+from freqrail.types import Number
 from freqrail.vehicle import Vehicle, ladder, leg_dynamic_stiffness
 from freqrail.vehicle import poles as eigenvalues
-
-Number = Any
 
 FAR = 1e7
 """Poles beyond this, rad/s, are left out unless they ring: they hold less than 1e-12 of any response (G falls like

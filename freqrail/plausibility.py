@@ -25,12 +25,11 @@ from freqrail.errors import FreqrailWarning, InputError
 from freqrail.modal import modes
 from freqrail.quantities import Axis
 from freqrail.track import standard_deviation
+from freqrail.types import Number
 from freqrail.vehicle import Vehicle, static_wheel_load
 
 FORCES = 16  # corners, at most, at which the wheel-rail force is computed
 LIKELY = (0.1, 100.0)  # Hz: the band that is advised where nothing speaks against it
-
-Number = Any
 
 
 @dataclass(frozen=True)

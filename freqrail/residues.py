@@ -29,9 +29,8 @@ from freqrail.response import column_signs, cos_sin, descend
 from freqrail.responses import RESPONSES, Response, chains_of
 from freqrail.rms import MeanSquare
 from freqrail.track import RationalSpectrum, Spectrum
+from freqrail.types import Number
 from freqrail.vehicle import CHAINS, Vehicle
-
-Number = Any
 
 # Lags of the columns: 0, 2 L_t, 2 L_c, 2 (L_c + L_t), 2 (L_c - L_t), over v. With a = omega L_t/v, b = omega L_c/v:
 # cos^2 a cos^2 b = (1 + cos 2a)(1 + cos 2b)/4 and so on. Rows: `lag_columns`, as sums of cosines (columns 0,

@@ -24,16 +24,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.responses import Response
 from freqrail.track import Spectrum, frequency_psd
+from freqrail.types import Number
 from freqrail.vehicle import CHAINS, System, Vehicle, ladder, leg_dynamic_stiffness, stiffness_matrices
 
-Number = Any
 Product = tuple[Number, Number]  # real and imaginary part
 
 BODIES = ("car", "bogie", "wheelset")

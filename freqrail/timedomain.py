@@ -21,7 +21,7 @@ from scipy.linalg import block_diag
 
 from freqrail.crosschecks import state_response, transfer_power
 from freqrail.errors import InputError, NumericalError
-from freqrail.integrators import Accuracy, Progress, integrate, solver_of, stack
+from freqrail.integrators import Accuracy, integrate, solver_of, stack
 from freqrail.realisation import (
     Track,
     fixed_amplitudes,
@@ -36,6 +36,7 @@ from freqrail.realisation import (
 from freqrail.response import wheel_lags
 from freqrail.responses import PAPER, series_count
 from freqrail.track import Spectrum, frequency_psd
+from freqrail.types import SecondsProgress
 from freqrail.vehicle import DEGREES_OF_FREEDOM, StateSpace, System, Vehicle, half_vehicle, poles, state_space
 from freqrail.verdicts import degrees_of_freedom
 
@@ -317,7 +318,7 @@ def examine(
     plan: Plan,
     side: Simulated | None = None,
     tighter: bool = False,
-    progress: Progress = lambda seconds: None,
+    progress: SecondsProgress = lambda seconds: None,
 ) -> Evidence:
     """Simulate a point and hold it against the frequency responses.
 
@@ -480,7 +481,7 @@ def _stacked(prepared: Prepared, names: tuple[str, ...]) -> tuple[StateSpace, ND
     return model, start, np.concatenate([prepared.size[name] for name in names])
 
 
-def run_records(plan: Plan, prepared: Prepared, progress: Progress) -> tuple[NDArray, NDArray, dict[str, str]]:
+def run_records(plan: Plan, prepared: Prepared, progress: SecondsProgress) -> tuple[NDArray, NDArray, dict[str, str]]:
     """Mean squares [model, series, record], all responses of the first record [model, series, m], and failures."""
     kept = prepared.track.samples // prepared.stride
     records = prepared.track.coefficients.shape[2]

@@ -8,12 +8,11 @@ from 0 to infinity is the variance. Read that way, the low German spectrum gives
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Number = Any
+from freqrail.types import Number
 
 
 @dataclass(frozen=True)

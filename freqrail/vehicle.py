@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Number = Any  # a float, or an array of floats that broadcasts against its neighbours
+from freqrail.types import Number
 
 GRAVITY = 9.8
 """Acceleration of gravity of eq. (1), m/s^2 (the paper's value, not the standard 9.80665)."""

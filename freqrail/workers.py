@@ -12,12 +12,12 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from freqrail.errors import NumericalError
+from freqrail.types import SecondsProgress
 
-Progress = Callable[[float], object]
 Task = Callable[..., Any]
 
 
-def run(task: Task, arguments: Sequence[tuple[Any, ...]], jobs: int, progress: Progress) -> list[Any]:
+def run(task: Task, arguments: Sequence[tuple[Any, ...]], jobs: int, progress: SecondsProgress) -> list[Any]:
     """`task(*arguments[i], progress)` for every i, on up to `jobs` processes; results in the order of `arguments`.
 
     progress: called in this process with what the tasks tell of. Raises what a task raises, the first that does;

@@ -17,14 +17,13 @@ import functools
 import operator
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.realisation import Polynomial, Realisation, added, of_quotient, times
+from freqrail.types import Number
 
-Number = Any  # a float or complex number, or an array of them
 Values = Mapping[str, Number]
 
 BY_S = "d/ds"

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-Number = Any
+from freqrail.types import Number
+
 Polynomial = list[Any]  # coefficients of 1, s, s^2, ..., floats or arrays that broadcast
 
 

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Law, Values
+from freqrail.types import Number
 
-Number = Any
 Arm = float | str | Mapping[str, float]
 """An entry of a row: a number, the name of a length, or a sum {name: factor} with "" for 1."""
 Row = Mapping[str, Arm]

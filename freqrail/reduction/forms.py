@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.model.system import Arm, Row, System, coefficients
+from freqrail.types import Number
 
-Number = Any
 Form = NDArray[np.float64]
 
 SAME = 1e-11

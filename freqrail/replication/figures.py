@@ -39,6 +39,7 @@ from freqrail.replication.claims import (
 from freqrail.replication.judging import OTHER_JOINT, PLACES
 from freqrail.replication.words import percent
 from freqrail.responses import DIMENSIONS, RESPONSES
+from freqrail.types import Progress
 
 FORMATS = ("svg", "png")
 
@@ -142,7 +143,7 @@ def pictures(datasets: Mapping[str, xr.Dataset]) -> list[Picture]:
     ]
 
 
-def draw_all(found: Sequence[Picture], folder: Path, progress: Callable[[int], object] = lambda figures: None) -> None:
+def draw_all(found: Sequence[Picture], folder: Path, progress: Progress = lambda figures: None) -> None:
     """Draw every picture into `folder` as SVG and PNG. The same bytes from run to run on the same versions."""
     # after_reset: a matplotlibrc of the user's must not change the bytes
     with matplotlib.style.context(STYLE, after_reset=True):

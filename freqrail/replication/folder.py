@@ -21,6 +21,7 @@ from freqrail.replication.report import compose
 from freqrail.replication.standing import standings
 from freqrail.replication.variations import Variation
 from freqrail.storage import write_result
+from freqrail.types import Progress
 
 FOLDER = Path("results", studies.CASE)
 COMMAND = "replicate"
@@ -35,8 +36,6 @@ _DATASETS: dict[str, Callable[[], xr.Dataset]] = {
 _FIGURES = 10
 SECONDS_A_STEP = 100.0  # simulated, that progress counts as one step
 LEFT_OUT = "This run left out the variations in the time domain (--quick)."
-
-Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True)

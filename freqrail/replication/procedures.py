@@ -8,7 +8,7 @@ Runge-Kutta each at steps of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from freqrail.realisation import Track, basis_polynomials, fixed_amplitudes, sam
 from freqrail.response import wheel_lags
 from freqrail.timedomain import readout
 from freqrail.track import Spectrum
+from freqrail.types import SecondsProgress
 from freqrail.vehicle import StateSpace, Vehicle, half_vehicle, state_space
 
 DURATION = 20.0  # s, section VI
@@ -30,7 +31,6 @@ KEY = "replicate"
 _BLOCK = 500  # samples at once
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 10.0  # of scipy's step control
 
-Progress = Callable[[float], object]
 
 _RECURRENCES = {"exponential": exponential_recurrence, "newmark": newmark_recurrence}
 
@@ -61,7 +61,7 @@ def run(
     speeds: NDArray[np.float64],
     limits: tuple[float, float],
     seed: int = 0,
-    progress: Progress = lambda seconds: None,
+    progress: SecondsProgress = lambda seconds: None,
 ) -> NDArray[np.float64]:
     """RMS over whole runs from rest: [vehicles, series, speeds, records], SI units, series as `timedomain.readout`.
 
@@ -169,7 +169,7 @@ def runge_kutta(
     models: Sequence[StateSpace],
     tracks: Sequence[Track],
     rows: NDArray[np.float64],
-    progress: Progress = lambda seconds: None,
+    progress: SecondsProgress = lambda seconds: None,
 ) -> NDArray[np.float64]:
     """Mean squares [models, series, records] from rest by scipy's RK45 with default tolerances, all runs abreast.
 

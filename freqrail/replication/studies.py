@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from freqrail.replication.claims import PAPER_POINT, PAPER_SPEED
 from freqrail.replication.judging import OTHER_JOINT
 from freqrail.response import STAGES, chain_responses, track_response, wheel_lags
 from freqrail.responses import RESPONSES
+from freqrail.types import Progress
 from freqrail.vehicle import Vehicle, leg_dynamic_stiffness
 
 CASE = "yu-damper-joint"
@@ -39,8 +39,6 @@ SPECTRUM_AXIS = "log:0.1:100:400 Hz"
 PERIOD = 20.0  # s, the paper's simulation time
 RATE = 250.0  # samples a second of the histories: above twice the band's end
 SEED, KEY = 0, "replicate"
-
-Progress = Callable[[int], object]
 
 
 def study_case() -> Case:

@@ -6,7 +6,7 @@ it is compared with the exact result at the same points.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,12 +21,11 @@ from freqrail.replication.judging import OTHER_JOINT, Finding
 from freqrail.replication.procedures import DURATION, Procedure, run
 from freqrail.replication.variations import Variation, relabelled
 from freqrail.responses import PAPER, RESPONSES, series_count
+from freqrail.types import SecondsProgress
 
 SPEEDS = (100.0, 120.0, 150.0, 180.0, 200.0, 220.0, 250.0, 280.0, 300.0)  # km/h
 NAIVE_RECORDS = 2  # tracks of the slow run that has every habit at once
 RECORDS = 8  # tracks that an exact run is repeated on, to tell a procedure from its luck
-
-Progress = Callable[[float], object]
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ TRIALS: tuple[tuple[str, Trial], ...] = (
 """(question, trial) in the report's order."""
 
 
-def in_time(exact: xr.Dataset, case: Case, progress: Progress = lambda seconds: None) -> list[Variation]:
+def in_time(exact: xr.Dataset, case: Case, progress: SecondsProgress = lambda seconds: None) -> list[Variation]:
     """The variations in time. progress: called with the simulated seconds just done, of `simulated_seconds` in all."""
     exact = exact.sel(speed=list(SPEEDS))
     pairs = _pairs(exact)

@@ -8,7 +8,7 @@ variations in the frequency domain are here, those in time in `procedures`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +28,7 @@ from freqrail.replication.studies import CASE
 from freqrail.replication.words import percent
 from freqrail.responses import PAPER as IN_ORDER
 from freqrail.responses import RESPONSES
+from freqrail.types import Progress
 
 # The field's contact constants G = c R^e in m/N^(2/3), R the wheel radius in m: conical and worn tread.
 TREADS = {"conical": (4.57e-8, -0.149), "worn": (3.86e-8, -0.115)}
@@ -40,8 +41,6 @@ ELSEWHERE: dict[str, Places] = {
     "car body over the rear pivot, rear bogie, axle 3": {"car_position": "rear", "bogie": "rear", "axle": 3},
     "axle 2": PLACES | {"axle": 2},
 }
-
-Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True)

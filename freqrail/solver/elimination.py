@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.reduction.blocks import Block
-
-Number = Any
+from freqrail.types import Number
 
 FREE = 1e30
 """Compliance of a leg without any force, m/N: beside any other it is none, and products of several do not overflow."""

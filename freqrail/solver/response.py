@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +29,7 @@ from freqrail.solver.elimination import (
     reciprocal,
     solve,
 )
-
-Number = Any
+from freqrail.types import Number
 
 CHECKED = 97  # every so many-th node's solution is put back into the equations
 BACKWARD = 1e-9  # backward error above which a block is solved by LAPACK
