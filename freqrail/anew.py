@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
+from freqrail.axes import axis_label, grid_axis, swept
 from freqrail.campaign import compute
 from freqrail.case import Case, build_case
 from freqrail.plan import Plan
-from freqrail.points import Point, axis_label, grid_axis, off_grid, result_case, swept
+from freqrail.points import Point, off_grid, result_case
 from freqrail.quantities import Axis, unit_factor
 from freqrail.responses import RESPONSES
 
@@ -79,7 +80,8 @@ def _computed(dataset: xr.Dataset, case: Case) -> xr.Dataset:
     """The responses, and the spectra at the frequencies, that a result holds, computed for another grid."""
     names = [name for name in RESPONSES if f"{name}_rms" in dataset]
     plan = Plan.of(case, names, psd="frequency" in dataset.dims)
-    if plan.frequency is not None:
+    if plan.layout.frequency is not None:
         values = dataset["frequency"].values
-        plan = replace(plan, frequency=replace(plan.frequency, values=values, si=values))
+        frequency = replace(plan.layout.frequency, values=values, si=values)
+        plan = replace(plan, layout=replace(plan.layout, frequency=frequency))
     return compute(plan)

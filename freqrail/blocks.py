@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail import dataset, grid
+from freqrail import content, dataset, grid, layout
 from freqrail.nodes import SharedNodes, shared_nodes
 from freqrail.plan import Plan
 from freqrail.study import cells
@@ -42,8 +42,8 @@ def cut(plan: Plan) -> list[Block]:
     """All blocks of a sweep, in the order to compute them."""
     result = []
     for prefix, study in plan.studies.items():
-        lines = plan.frequency.si.size if plan.frequency is not None else 1
-        swept = [axis.name for axis in plan.axes(prefix)]
+        lines = plan.layout.frequency.si.size if plan.layout.frequency is not None else 1
+        swept = [axis.name for axis in plan.layout.axes(prefix)]
         for cell in cells(study.vehicle.shape, max(1, POINTS // (study.speed.size * lines))):
             place = list(cell)
             if "speed" in swept:
@@ -55,7 +55,7 @@ def cut(plan: Plan) -> list[Block]:
 def points(plan: Plan, block: Block) -> int:
     """Grid points that `progress` is told of while a block is computed."""
     inside = math.prod(part.stop - part.start for part in block.cell) * plan.studies[block.prefix].speed.size
-    return inside * (2 if plan.frequency is not None else 1)
+    return inside * (2 if plan.layout.frequency is not None else 1)
 
 
 def nodes(plan: Plan) -> dict[str, tuple[SharedNodes, ...]]:
@@ -74,8 +74,8 @@ def compute(
     whole = plan.studies[block.prefix]
     study = replace(whole, vehicle=cut_grid(whole.vehicle, block.cell))
     solution = grid.solve(study, jobs, progress, shared[block.prefix])
-    spectra = grid.psd(study, plan.frequency.si, progress) if plan.frequency is not None else None
-    return dataset.arrays(plan, block.prefix, solution, spectra)
+    spectra = grid.psd(study, plan.layout.frequency.si, progress) if plan.layout.frequency is not None else None
+    return dataset.arrays(plan.layout, block.prefix, solution, spectra)
 
 
 def pack(plan: Plan, block: Block, values: Mapping[str, NDArray]) -> bytes:
@@ -99,10 +99,10 @@ def unpack(plan: Plan, block: Block, data: bytes) -> dict[str, NDArray]:
     return result
 
 
-def block_variables(plan: Plan, block: Block) -> dict[str, dataset.Variable]:
+def block_variables(plan: Plan, block: Block) -> dict[str, content.Variable]:
     """The variables that a block holds a part of, with the part's shape, in the order of the file."""
     size = tuple(part.stop - part.start for part in block.place)
-    described = dataset.variables(plan)
+    described = layout.variables(plan.layout)
     return {
         name: replace(variable, shape=(*size, *variable.shape[len(size) :]))
         for name, variable in described.items()

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import blocks, dataset, grid, plausibility, storage
+from freqrail import axes, blocks, dataset, grid, layout, plausibility, storage
 from freqrail.blocks import Block
 from freqrail.case import Case, load_case
 from freqrail.errors import InputError
@@ -66,11 +66,11 @@ def sweep(
 
 def compute(plan: Plan, jobs: int | None = None, progress: Progress = lambda points: None) -> xr.Dataset:
     """The labelled dataset of a plan, in memory; see `sweep`, which warns besides."""
-    values = {name: np.empty(v.shape, v.dtype) for name, v in dataset.variables(plan).items()}
+    values = {name: np.empty(v.shape, v.dtype) for name, v in layout.variables(plan.layout).items()}
     for block, part in local(jobs)(plan, blocks.cut(plan), progress):
         for name, numbers in part.items():
             values[name][block.place] = numbers
-    return dataset.label(plan, values)
+    return dataset.label(plan.layout, values)
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ def sweep_to_file(
     FileError if another run is writing the same file, or the disk is full (the journal is kept).
     """
     target = storage.check_target(path, overwrite)
-    told = plausibility.stored(plausibility.told(plan.case), plan.case)
-    skeleton = dataset.skeleton(plan).assign_attrs({"warnings": told} if told else {})
+    told = plausibility.stored(plausibility.told(plan.layout.case), plan.layout.case)
+    skeleton = dataset.skeleton(plan.layout).assign_attrs({"warnings": told} if told else {})
     everything = blocks.cut(plan)
     with storage.lock(target), Journal.open(target, _identity(plan, everything), resume) as journal:
         todo = [block for block in everything if block.key not in journal.keys]
@@ -115,7 +115,7 @@ def sweep_to_file(
         for block, values in (executor or local())(plan, todo, progress):
             journal.keep(block.key, blocks.pack(plan, block, values))
         largest = [np.nan]
-        described = dataset.variables(plan)
+        described = layout.variables(plan.layout)
         status = {name: np.zeros(v.shape, v.dtype) for name, v in described.items() if name.endswith("status")}
 
         def stored() -> Iterator[tuple[tuple[slice, ...], Mapping[str, NDArray]]]:
@@ -131,7 +131,7 @@ def sweep_to_file(
     labelled = skeleton.assign(
         {name: (described[name].dims, values, described[name].attributes) for name, values in status.items()}
     )
-    failures = tuple(dataset.first_failures(labelled))
+    failures = tuple(axes.first_failures(labelled))
     return Outcome(target, float(np.fmax.reduce(largest)), failures, len(everything) - len(todo), told)
 
 
@@ -153,9 +153,9 @@ def _largest(values: Mapping[str, NDArray]) -> list[float]:
 def _identity(plan: Plan, everything: Sequence[Block]) -> str:
     """SHA-256 of all that decides the bits of the blocks: a journal with another one is of another sweep."""
     facts = [
-        plan.case.effective,
-        plan.names,
-        plan.frequency.si.tolist() if plan.frequency is not None else None,
+        plan.layout.case.effective,
+        plan.layout.names,
+        plan.layout.frequency.si.tolist() if plan.layout.frequency is not None else None,
         [block.key for block in everything],
         [__version__, np.__version__],
     ]

@@ -143,7 +143,7 @@ def sweep(
     wanted = Path("results", f"{loaded.name}.nc") if output is None else output
     target = check_target(wanted, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
     grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
-    facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.names)}
+    facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.layout.names)}
     facts["vehicle"] = plausibility.vitals(loaded)
     if dry_run:
         plausibility.told(loaded)
@@ -186,7 +186,7 @@ def sweep(
     report(
         facts,
         as_json,
-        f"{count(plan.points, 'grid point')} ({grid}), {count(len(plan.names), 'response')}, "
+        f"{count(plan.points, 'grid point')} ({grid}), {count(len(plan.layout.names), 'response')}, "
         "with joints and traditional",
         plausibility.vitals_text(loaded),
         *filter(None, [plausibility.accepted_text(told)]),

@@ -13,98 +13,31 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import solution as the_solution
 from freqrail.band import Band, band_text
 from freqrail.case import Case
+from freqrail.content import SCHEMA_VERSION
+from freqrail.layout import Layout, variables
 from freqrail.names import COMPLIANCE_UNIT, COMPLIANCES, PARAMETERS, meaning
-from freqrail.plan import Plan
-from freqrail.quantities import Axis, cf_unit, parse_axis, typed_unit
+from freqrail.quantities import Axis, cf_unit, parse_axis
 from freqrail.responses import DIMENSIONS, RESPONSES
+from freqrail.solution import Solution
 from freqrail.version import __version__
-
-SCHEMA_VERSION = 2
-"""Of the datasets written. 2: spectra in "m2 s-4 Hz-1", before "(m s-2)2 Hz-1"; axes in CF's spelling; scalars, band
-and compliances as coordinates. Datasets of schema 1 are read as well."""
-PIECE = 16_000_000  # bytes of a variable that are read at once while its digest is made
-
-MODELS = {"": "model with damper joints", "traditional_": "traditional model, rigid damper joints"}
-"""Prefix of a model's variables and the words for it."""
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A variable of a sweep before it has values. dtype: numpy's, in the machine's byte order."""
-
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
-    dtype: np.dtype
-    attributes: dict[str, Any]
-
-
-def variables(plan: Plan) -> dict[str, Variable]:
-    """The variables of a sweep by name, in the order of the file."""
-    sizes = {name: len(dimension.labels) for name, dimension in DIMENSIONS.items()}
-    if plan.frequency is not None:
-        sizes["frequency"] = plan.frequency.si.size
-    result: dict[str, Variable] = {}
-
-    def add(prefix: str, key: str, further: tuple[str, ...], dtype: type, attributes: dict[str, Any]) -> None:
-        axes = plan.axes(prefix)
-        shape = (*(axis.si.size for axis in axes), *(sizes[dimension] for dimension in further))
-        dims = (*(axis.name for axis in axes), *further)
-        result[prefix + key] = Variable(dims, shape, np.dtype(dtype), attributes)
-
-    for prefix, words in MODELS.items():
-        for name in plan.names:
-            response = RESPONSES[name]
-            place = (response.dimension,) if response.dimension else ()
-            meaning = f"RMS of the {response.long_name}"
-            add(
-                prefix,
-                f"{name}_rms",
-                place,
-                float,
-                {
-                    "units": response.unit,
-                    "long_name": f"{meaning}, {words}",
-                    "ancillary_variables": f"{prefix}{name}_rms_relative_error {prefix}status {prefix}method",
-                },
-            )
-            error = {
-                "units": "1",
-                "long_name": f"estimated relative error of the computation of the {meaning}, {words}; numerical only: "
-                "it says nothing of the model or of its data",
-            }
-            add(prefix, f"{name}_rms_relative_error", place, float, error)
-        if plan.frequency is not None:
-            for name in plan.names:
-                response = RESPONSES[name]
-                place = (response.dimension,) if response.dimension else ()
-                spectrum = {
-                    "units": response.psd_unit,
-                    "long_name": f"one-sided PSD of the {response.long_name}, {words}",
-                }
-                add(prefix, f"{name}_psd", (*place, "frequency"), float, spectrum)
-        add(prefix, "status", (), np.int8, flags(the_solution.STATUS, f"outcome of the computation, {words}"))
-        add(prefix, "method", (), np.int8, flags(the_solution.METHOD, f"method of the computation, {words}"))
-    return result
 
 
 def arrays(
-    plan: Plan, prefix: str, solution: the_solution.Solution, spectra: Mapping[str, NDArray] | None
+    layout: Layout, prefix: str, solution: Solution, spectra: Mapping[str, NDArray] | None
 ) -> dict[str, NDArray]:
     """The numbers of a model, or of a part of its grid, by variable and in the order of its dimensions."""
-    swept = [axis.name for axis in plan.axes(prefix)]
+    swept = [axis.name for axis in layout.axes(prefix)]
     result: dict[str, NDArray] = {}
-    for name in plan.names:
+    for name in layout.names:
         squeeze = not RESPONSES[name].dimension
         result[f"{prefix}{name}_rms"] = _arrange(solution.rms[name], swept, squeeze)
         result[f"{prefix}{name}_rms_relative_error"] = _arrange(solution.relative_error[name], swept, squeeze)
@@ -115,16 +48,16 @@ def arrays(
     return result
 
 
-def skeleton(plan: Plan) -> xr.Dataset:
+def skeleton(layout: Layout) -> xr.Dataset:
     """The coordinates and attributes of a sweep, without its variables."""
     coordinates: dict[str, Any] = {}
-    for axis in plan.case.axes:
-        coordinates |= coordinate(axis, plan.case.masses)
-    coordinates |= position_coordinates({RESPONSES[name].dimension for name in plan.names})
-    if plan.frequency is not None:
-        coordinates |= coordinate(plan.frequency)
-    coordinates |= scalar_coordinates(plan.case, plan.case.band)
-    return xr.Dataset({}, coordinates, attributes(plan.case, "sweep"))
+    for axis in layout.case.axes:
+        coordinates |= coordinate(axis, layout.case.masses)
+    coordinates |= position_coordinates({RESPONSES[name].dimension for name in layout.names})
+    if layout.frequency is not None:
+        coordinates |= coordinate(layout.frequency)
+    coordinates |= scalar_coordinates(layout.case, layout.case.band)
+    return xr.Dataset({}, coordinates, attributes(layout.case, "sweep"))
 
 
 def position_coordinates(used: Collection[str]) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
@@ -140,10 +73,10 @@ def position_coordinates(used: Collection[str]) -> dict[str, tuple[str, NDArray,
     }
 
 
-def label(plan: Plan, values: Mapping[str, NDArray]) -> xr.Dataset:
+def label(layout: Layout, values: Mapping[str, NDArray]) -> xr.Dataset:
     """The labelled dataset of a sweep from the numbers of all its variables."""
-    described = variables(plan)
-    return skeleton(plan).assign(
+    described = variables(layout)
+    return skeleton(layout).assign(
         {name: (described[name].dims, values[name], described[name].attributes) for name in described}
     )
 
@@ -224,43 +157,6 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
     return found
 
 
-def named_coordinates(dataset: xr.Dataset, name: str, dims: Collection[str]) -> list[str]:
-    """What CF's `coordinates` attribute of a variable with these dimensions names.
-
-    All coordinates that lie along its dimensions, or none, but those that CF finds by the dimension's name alone.
-    Not the joints' of the traditional model, which has none.
-    """
-    absent = {*COMPLIANCES, *COMPLIANCES.values()} if name.startswith("traditional_") else set()
-    return [
-        str(key)
-        for key, values in dataset.coords.items()
-        if key not in absent and {*values.dims} <= {*dims} and values.dims != (key,)
-    ]
-
-
-def whole(number: int) -> np.int32 | str:
-    """A whole number as an attribute: 32 bits, as the classic NetCDF format and R have them, or text beyond."""
-    return np.int32(number) if abs(number) <= np.iinfo(np.int32).max else str(number)
-
-
-def narrowed(attributes: Mapping[Any, Any]) -> dict[str, Any]:
-    """Attributes with each whole number that fits in 32 bits (see `whole`); the digest does not tell them apart."""
-    most = np.iinfo(np.int32).max
-    return {
-        str(key): np.int32(value) if type(value) in (int, np.int64) and abs(value) <= most else value
-        for key, value in attributes.items()
-    }
-
-
-def flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:
-    """CF attributes of an int8 variable whose values 0, 1, ... have a meaning."""
-    return {
-        "long_name": long_name,
-        "flag_values": np.arange(len(meanings), dtype=np.int8),
-        "flag_meanings": " ".join(meanings),
-    }
-
-
 def attributes(case: Case, command: str) -> dict[str, Any]:
     """Attributes of a whole dataset that `command` makes from a case: CF's, the case itself, versions."""
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
@@ -285,69 +181,3 @@ def attributes(case: Case, command: str) -> dict[str, Any]:
         "versions": json.dumps(versions),
     }
     return {key: value for key, value in described.items() if value != ""}
-
-
-def content_digest(dataset: xr.Dataset) -> str:
-    """SHA-256 over all variables and attributes but `history` and the digest itself, as hex text.
-
-    The same for a dataset in memory and for the one read back from its file, also if that is larger than the memory.
-    """
-    digest = hashlib.sha256()
-
-    def add(value: object) -> None:
-        digest.update(json.dumps(value, sort_keys=True).encode() + b"\n")
-
-    def plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:
-        return {str(key): np.asarray(value).tolist() for key, value in attributes.items()}
-
-    add({k: v for k, v in plain(dataset.attrs).items() if k not in ("history", "content_digest")})
-    for name in sorted(map(str, dataset.variables)):
-        variable = dataset.variables[name]
-        text = variable.dtype.kind in "OUS"
-        add([name, list(variable.dims), list(variable.shape), plain(variable.attrs)])
-        if text:
-            add([str(v) for v in variable.values.ravel()])
-        else:
-            little = variable.dtype.newbyteorder("<")
-            add(little.str)
-            for piece in pieces(variable.shape, PIECE // little.itemsize):
-                digest.update(np.ascontiguousarray(variable[piece].values, dtype=little).data)
-    return digest.hexdigest()
-
-
-def pieces(shape: tuple[int, ...], most: int) -> Iterator[tuple[slice, ...]]:
-    """An array cut into pieces of about `most` values, one after the other as they lie in memory."""
-    axis = next((k for k in range(len(shape)) if math.prod(shape[k + 1 :]) <= most), len(shape))
-    if axis == len(shape):
-        yield ()
-        return
-    step = max(1, most // max(1, math.prod(shape[axis + 1 :])))
-    for corner in np.ndindex(shape[:axis]):
-        for start in range(0, shape[axis], step):
-            yield (*(slice(i, i + 1) for i in corner), slice(start, start + step))
-
-
-def first_failures(dataset: xr.Dataset) -> list[str]:
-    """One line a model that has points without all results: how many, why, and the first of them."""
-    lines = []
-    for prefix, words in MODELS.items():
-        name = f"{prefix}status"
-        if name not in dataset:
-            continue
-        status = dataset[name]
-        values = status.values
-        bad = np.argwhere(values != 0)
-        if not len(bad):
-            continue
-        meanings = str(status.attrs["flag_meanings"]).split()
-        first = tuple(int(i) for i in bad[0])
-        where = ", ".join(
-            f"{dim}={float(dataset[dim][i]):g} {typed_unit(dataset[dim].attrs.get('units', ''))}".strip()
-            for dim, i in zip(status.dims, first, strict=True)
-        )
-        counts = ", ".join(
-            f"{np.sum(values == k)} {meaning}" for k, meaning in enumerate(meanings) if k and np.any(values == k)
-        )
-        at = f"; the first at {where}" if where else ""
-        lines.append(f"{words}: {len(bad)} of {values.size} grid points lack results ({counts}){at}")
-    return lines

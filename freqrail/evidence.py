@@ -17,18 +17,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import responses, timedomain, verdicts
+from freqrail.axes import grid_axis, swept
 from freqrail.band import band_text
-from freqrail.dataset import (
-    attributes,
-    content_digest,
-    coordinate,
-    flags,
-    position_coordinates,
-    scalar_coordinates,
-    whole,
-)
+from freqrail.content import content_digest, whole
+from freqrail.dataset import attributes, coordinate, position_coordinates, scalar_coordinates
 from freqrail.findings import CHECKS, series_labels, series_of
-from freqrail.points import grid_axis, swept
+from freqrail.layout import flags
 from freqrail.quantities import Axis, unit_factor
 from freqrail.references import References
 from freqrail.response import wheel_lags

@@ -29,15 +29,15 @@ from numpy.typing import NDArray
 
 from freqrail import confirmation_figures, files, manifest
 from freqrail.anew import ATTRIBUTE, find
+from freqrail.axes import axis_unit, first_failures, grid_axis, swept
 from freqrail.case import Case
 from freqrail.casefile import parse_toml, to_toml
-from freqrail.dataset import MODELS, first_failures
 from freqrail.errors import FileError, InputError
 from freqrail.findings import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE
-from freqrail.points import Point, axis_unit, confirmed_point, grid_axis, off_grid, result_case, swept
+from freqrail.points import Point, confirmed_point, off_grid, result_case
 from freqrail.quantities import printable
-from freqrail.responses import DIMENSIONS, RESPONSES, Response
+from freqrail.responses import DIMENSIONS, PREFIXES, RESPONSES, Response
 from freqrail.shipped import shipped_cases
 from freqrail.storage import open_result
 from freqrail.types import Progress
@@ -236,9 +236,9 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         ax.set_ylabel(f"RMS [{response.shown_unit}]")
         _not_too_steep(ax)
     grey = {"color": "0.4"}
-    models = [_handle({**dashed[0], **(grey if own else {})}, MODELS["traditional_"])]
+    models = [_handle({**dashed[0], **(grey if own else {})}, PREFIXES["traditional_"])]
     if own or not family:
-        models.insert(0, _handle(grey if own else styles[0], MODELS[""]))
+        models.insert(0, _handle(grey if own else styles[0], PREFIXES[""]))
     if np.isinf(x).any():
         mark = {
             "color": "0.4" if family else _BLUE,
@@ -299,7 +299,7 @@ def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figur
         ax.set_xlabel("frequency $f$ [Hz]")
         unit = response.shown_unit
         ax.set_ylabel(f"one-sided PSD [{f'({unit})' if '/' in unit else unit}²/Hz]")
-    _legend(figure, [_handle(style, MODELS[prefix]) for prefix, style in styles.items()])
+    _legend(figure, [_handle(style, PREFIXES[prefix]) for prefix, style in styles.items()])
     return figure
 
 
@@ -391,7 +391,7 @@ def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
 
 
 def _caption(
-    dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[str] = tuple(MODELS)
+    dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[str] = tuple(PREFIXES)
 ) -> list[str]:
     """What a figure keeps fixed, and how many of the points it draws lack results."""
     held = {}
@@ -416,7 +416,7 @@ def _caption(
         values = [_drawn(dataset, response, prefix, suffix, where) for response in _stored(dataset, suffix)]
         missing = np.any(np.isnan(values), axis=0)
         if missing.any():
-            lines.append(f"{MODELS[prefix]}: {missing.sum()} of {missing.size} points lack results (gaps)")
+            lines.append(f"{PREFIXES[prefix]}: {missing.sum()} of {missing.size} points lack results (gaps)")
     return lines
 
 

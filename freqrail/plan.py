@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from freqrail import grid
 from freqrail.band import band_limits
 from freqrail.case import Case
 from freqrail.errors import InputError
-from freqrail.names import JOINTS, suggestion
+from freqrail.layout import Layout, response_names, without_joints
 from freqrail.quantities import Axis
 from freqrail.responses import RESPONSES
 from freqrail.study import Study
@@ -26,11 +26,9 @@ COPIES = 3  # how many times a result stands in memory at most, while it is labe
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep computes and stores: the numerical studies by model prefix, and the axes of each."""
+    """What a sweep computes and stores: its layout, and the numerical studies by model prefix."""
 
-    case: Case
-    names: tuple[str, ...]
-    frequency: Axis | None
+    layout: Layout
     studies: Mapping[str, Study]
 
     @classmethod
@@ -39,9 +37,7 @@ class Plan:
         names = response_names(responses)
         frequency = (case.frequency or _default_frequency(case)) if psd else None
         return cls(
-            case=case,
-            names=names,
-            frequency=frequency,
+            layout=Layout(case, names, frequency),
             studies={
                 prefix: Study(
                     vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
@@ -54,10 +50,6 @@ class Plan:
             },
         )
 
-    def axes(self, prefix: str) -> tuple[Axis, ...]:
-        """The swept parameters of a model, in the order given: the traditional one lacks the joints'."""
-        return self.case.axes if not prefix else without_joints(self.case).axes
-
     @property
     def points(self) -> int:
         """Number of grid points of the joint model."""
@@ -67,15 +59,17 @@ class Plan:
     def work(self) -> int:
         """Grid points that `progress` is told of in all: both models, spectra counted again."""
         once = sum(math.prod(study.shape) for study in self.studies.values())
-        return once * (2 if self.frequency is not None else 1)
+        return once * (2 if self.layout.frequency is not None else 1)
 
     @property
     def stored_bytes(self) -> int:
         """Size of the dataset's numbers in bytes."""
-        series = sum(max(1, len(RESPONSES[name].positions)) for name in self.names)
-        lines = self.frequency.si.size if self.frequency is not None else 0
+        series = sum(max(1, len(RESPONSES[name].positions)) for name in self.layout.names)
+        lines = self.layout.frequency.si.size if self.layout.frequency is not None else 0
         values = sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.studies.values())
-        return values + 6_000 * len(self.names) + 2 * len(self.case.text) + 50_000  # what HDF5 and attributes take
+        return (
+            values + 6_000 * len(self.layout.names) + 2 * len(self.layout.case.text) + 50_000
+        )  # what HDF5 and attributes take
 
     def seconds(self, jobs: int) -> float:
         """Estimated wall time of the sweep into a file in s, from timing a first block of each model."""
@@ -91,25 +85,6 @@ def check_memory(plan: Plan) -> None:
             f"the grid is too large for this machine: {needed / 1e9:.3g} GB needed, {memory / 1e9:.3g} GB of memory; "
             "use fewer values or responses, or leave out the spectra"
         )
-
-
-def response_names(responses: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of responses from "paper", "all", "NAME,NAME" or a sequence of names, in the table's order."""
-    groups = {"paper": {name for name, response in RESPONSES.items() if response.paper}, "all": set(RESPONSES)}
-    given = [part.strip() for part in responses.split(",")] if isinstance(responses, str) else list(responses)
-    known = (*groups, *RESPONSES)
-    unknown = [name for name in given if name not in known]
-    if unknown or not given:
-        raise InputError(
-            *(f"--responses: unknown response {name!r}{suggestion(name, known)}" for name in unknown or [""])
-        )
-    wanted = set().union(*(groups.get(name, {name}) for name in given))
-    return tuple(name for name in RESPONSES if name in wanted)
-
-
-def without_joints(case: Case) -> Case:
-    """The case without its joint axes, as the traditional model takes it."""
-    return replace(case, axes=tuple(axis for axis in case.axes if axis.name not in JOINTS))
 
 
 def _default_frequency(case: Case) -> Axis:

@@ -9,10 +9,11 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
+from freqrail.axes import axis_unit, grid_axis, swept
 from freqrail.case import Case, build_case, place_point
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import Axis, Quantity, is_same, parse_quantity, typed_unit, unit_factor
+from freqrail.quantities import Quantity, is_same, parse_quantity, unit_factor
 
 Point = Mapping[str, Quantity]
 
@@ -52,25 +53,6 @@ def result_case(dataset: xr.Dataset) -> Case:
         return build_case(text, name=name, file="the result's case", stray_points=True)
 
 
-def swept(dataset: xr.Dataset) -> tuple[str, ...]:
-    """The swept parameters of a result, in order."""
-    return tuple(str(dim) for dim in dataset["status"].dims)
-
-
-def grid_axis(dataset: xr.Dataset, name: str) -> Axis:
-    """A swept parameter of a result, its values as the coordinate bears them and in SI units."""
-    unit = axis_unit(dataset, name)
-    values = dataset[name].values
-    return Axis(name, values, unit, values * float(unit_factor(unit)[0]), "")
-
-
-def axis_label(dataset: xr.Dataset, name: str, index: int) -> str:
-    """A grid value in the coordinate's unit, such as "250 km/h"; "rigid" for an infinite joint stiffness."""
-    value = float(dataset[name].values[index])
-    whole = abs(value) < 1e7 and value == round(value)
-    return "rigid" if np.isinf(value) else f"{value:{'.0f' if whole else 'g'}} {axis_unit(dataset, name)}"
-
-
 def example_point(dataset: xr.Dataset) -> str:
     """A grid point as `parse_point` reads it: the one nearest to the case's scalars, every axis named."""
     parts = []
@@ -78,12 +60,6 @@ def example_point(dataset: xr.Dataset) -> str:
         value = float(dataset[name].values[index])
         parts.append(f"{name}={'inf' if np.isinf(value) else f'{value:.10g}'} {axis_unit(dataset, name)}")
     return ", ".join(parts)
-
-
-def axis_unit(dataset: xr.Dataset, name: str) -> str:
-    """The unit of a coordinate as users type it, such as "kN*s/m"; "" if it has none."""
-    attributes = dataset[name].attrs
-    return typed_unit(str(attributes.get("units", attributes.get("user_units", ""))))
 
 
 def locate(

@@ -200,3 +200,7 @@ def series_count(names: tuple[str, ...]) -> int:
 def chains_of(names: tuple[str, ...]) -> tuple[str, ...]:
     """The chains that take part in any of the named responses, in the order of `CHAINS`."""
     return tuple(chain for chain in CHAINS if any(chain in RESPONSES[name].chains for name in names))
+
+
+PREFIXES = {"": "model with damper joints", "traditional_": "traditional model, rigid damper joints"}
+"""Prefix of a model's variables and the words for it."""

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from freqrail import responses, timedomain
 from freqrail.anew import Found, find
+from freqrail.axes import axis_label, grid_axis
 from freqrail.band import Band
 from freqrail.case import Case
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.integrators import INTEGRATORS
 from freqrail.names import PARAMETERS, Parameter, suggestion
-from freqrail.points import Point, axis_label, grid_axis, off_grid, parse_point, result_case
+from freqrail.points import Point, off_grid, parse_point, result_case
 from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
 from freqrail.responses import RESPONSES

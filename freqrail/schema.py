@@ -11,12 +11,13 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from freqrail.dataset import MODELS, PIECE, pieces
+from freqrail.axes import axis_unit
+from freqrail.content import PIECE, pieces
 from freqrail.errors import InputError
 from freqrail.names import JOINTS, PARAMETERS
-from freqrail.points import axis_unit, result_case
+from freqrail.points import result_case
 from freqrail.quantities import unit_factor
-from freqrail.responses import DIMENSIONS, RESPONSES
+from freqrail.responses import DIMENSIONS, PREFIXES, RESPONSES
 
 ATTRIBUTES = ("case_name", "effective_case", "band", "source")
 
@@ -26,7 +27,7 @@ def faults(dataset: xr.Dataset) -> list[str]:
     if "verdict_solver" in dataset:  # a confirmation
         return []
     missing = [f"has no attribute {name}" for name in ATTRIBUTES if name not in dataset.attrs]
-    missing += [f"has no variable {p}{k}" for p in MODELS for k in ("status", "method") if f"{p}{k}" not in dataset]
+    missing += [f"has no variable {p}{k}" for p in PREFIXES for k in ("status", "method") if f"{p}{k}" not in dataset]
     missing += [] if any(f"{name}_rms" in dataset for name in RESPONSES) else ["has no response, such as any_rms"]
     if missing:
         return missing
@@ -58,7 +59,7 @@ def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[s
 
 def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
     first_schema = dataset.attrs.get("dataset_schema_version") == 1  # it wrote spectra as "(m s-2)2 Hz-1"
-    for prefix in MODELS:
+    for prefix in PREFIXES:
         own = axes if not prefix else tuple(name for name in axes if name not in JOINTS)
         for flags in (f"{prefix}status", f"{prefix}method"):
             if dataset[flags].dims != own or "flag_meanings" not in dataset[flags].attrs:
@@ -68,11 +69,11 @@ def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str
             place = (response.dimension,) if response.dimension else ()
             kinds = {"_rms": response.unit, "_rms_relative_error": "1", "_psd": response.psd_unit}
             former = kinds | ({"_psd": f"({response.unit})2 Hz-1"} if first_schema else {})
-            stored = any(f"{p}{name}{kind}" in dataset for p in MODELS for kind in kinds)
+            stored = any(f"{p}{name}{kind}" in dataset for p in PREFIXES for kind in kinds)
             for kind, unit in kinds.items():
                 variable = f"{prefix}{name}{kind}"
                 if variable not in dataset:
-                    if stored and (kind != "_psd" or any(f"{p}{name}_psd" in dataset for p in MODELS)):
+                    if stored and (kind != "_psd" or any(f"{p}{name}_psd" in dataset for p in PREFIXES)):
                         yield f"has no variable {variable}"
                     continue
                 array = dataset[variable]

@@ -22,7 +22,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import files
-from freqrail.dataset import SCHEMA_VERSION, Variable, content_digest, named_coordinates, narrowed
+from freqrail.content import SCHEMA_VERSION, Variable, content_digest, named_coordinates, narrowed
 from freqrail.errors import FileError, InputError
 from freqrail.quantities import given, shown_bytes
 from freqrail.schema import faults

@@ -15,14 +15,14 @@ import xarray as xr
 
 from freqrail import findings
 from freqrail.anew import find
+from freqrail.axes import axis_label, axis_unit, first_failures, swept
 from freqrail.band import band_limits, band_text
 from freqrail.case import Case
-from freqrail.dataset import MODELS, first_failures
 from freqrail.modal import modes
 from freqrail.names import PARAMETERS, SWEEPABLE, meaning
-from freqrail.points import Point, axis_label, axis_unit, confirmed_point, swept
+from freqrail.points import Point, confirmed_point
 from freqrail.quantities import printable, shown_value
-from freqrail.responses import RESPONSES
+from freqrail.responses import PREFIXES, RESPONSES
 from freqrail.track import standard_deviation
 from freqrail.vehicle import static_wheel_load
 
@@ -197,7 +197,7 @@ def in_shown_units(records: Sequence[Record]) -> list[Record]:
 def result_ranges(dataset: xr.Dataset) -> list[Record]:
     """Smallest and largest RMS of each response over the grid, and the largest error estimate."""
     records: list[Record] = []
-    for prefix, words in MODELS.items():
+    for prefix, words in PREFIXES.items():
         for name, response in RESPONSES.items():
             variable = f"{prefix}{name}_rms"
             if variable not in dataset:
@@ -262,7 +262,7 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
     }
     where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
     lines = [where, *filter(None, [found.note])]
-    for prefix, words in MODELS.items():
+    for prefix, words in PREFIXES.items():
         flags = dataset[f"{prefix}status"]
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
         facts[f"{prefix}status"] = str(flags.attrs["flag_meanings"]).split()[status]

@@ -68,7 +68,7 @@ def child() -> None:
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    from freqrail.dataset import first_failures
+    from freqrail.axes import first_failures
     from freqrail.storage import open_result
 
     answer: dict[str, Any] = {"problems": [], "digest": "", "failures": []}

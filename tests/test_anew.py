@@ -7,8 +7,9 @@ import pytest
 
 import freqrail
 from freqrail.anew import find
+from freqrail.axes import swept
 from freqrail.errors import InputError
-from freqrail.points import parse_point, result_case, swept
+from freqrail.points import parse_point, result_case
 
 CASE = "yu-damper-joint"
 JOINT = "primary_joint_stiffness"

@@ -93,7 +93,7 @@ def test_blocks_cover_every_grid_point_once(monkeypatch, over):
     monkeypatch.setattr(blocks, "POINTS", 30)
     plan = Plan.of(load_case("yu-damper-joint", over=over))
     for prefix in plan.studies:
-        count = np.zeros([axis.si.size for axis in plan.axes(prefix)], int)
+        count = np.zeros([axis.si.size for axis in plan.layout.axes(prefix)], int)
         for block in blocks.cut(plan):
             if block.prefix == prefix:
                 count[block.place] += 1

@@ -236,7 +236,7 @@ def test_no_whole_number_among_the_attributes_is_longer_than_32_bits(file, confi
 
 
 def test_a_long_seed_is_told_as_text():
-    from freqrail.dataset import whole
+    from freqrail.content import whole
 
     assert (whole(7), whole(7).dtype) == (7, np.int32)
     assert whole(2**40) == str(2**40)

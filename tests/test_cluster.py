@@ -19,7 +19,7 @@ import pytest
 import freqrail
 from freqrail import blocks, campaign, cli, cluster
 from freqrail.case import load_case
-from freqrail.dataset import content_digest
+from freqrail.content import content_digest
 from freqrail.errors import InputError
 from freqrail.plan import Plan
 

@@ -13,8 +13,8 @@ import pytest
 from freqrail import completion
 from freqrail.casefile import apply_axis, apply_setting, parse_toml, sections
 from freqrail.errors import InputError
+from freqrail.layout import response_names
 from freqrail.names import SWEEPABLE
-from freqrail.plan import response_names
 from freqrail.points import parse_point
 from freqrail.responses import RESPONSES
 from freqrail.shipped import shipped_cases

@@ -13,7 +13,7 @@ import xarray as xr
 from helpers import ALL_NAMES, explicit_responses, reference_rms
 
 import freqrail
-from freqrail.dataset import content_digest
+from freqrail.content import content_digest
 from freqrail.errors import InputError
 from freqrail.points import result_case
 from freqrail.responses import RESPONSES

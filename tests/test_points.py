@@ -9,8 +9,9 @@ import pytest
 import xarray as xr
 
 import freqrail
+from freqrail.axes import axis_label, grid_axis, swept
 from freqrail.errors import FreqrailWarning, InputError
-from freqrail.points import axis_label, grid_axis, locate, parse_point, result_case, swept
+from freqrail.points import locate, parse_point, result_case
 
 JOINT, DAMPING = "primary_joint_stiffness", "secondary_damping"
 AXES = {

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from freqrail.band import band_limits
 from freqrail.campaign import sweep
 from freqrail.case import Case, load_case
-from freqrail.dataset import MODELS, attributes, position_coordinates
+from freqrail.dataset import attributes, position_coordinates
 from freqrail.names import JOINTS
 from freqrail.realisation import fixed_amplitudes, spectral_lines, stream
 from freqrail.replication.claims import PAPER_POINT, PAPER_SPEED
 from freqrail.replication.judging import OTHER_JOINT
 from freqrail.response import STAGES, chain_responses, track_response, wheel_lags
-from freqrail.responses import RESPONSES
+from freqrail.responses import PREFIXES, RESPONSES
 from freqrail.types import Progress
 from freqrail.vehicle import Vehicle, leg_dynamic_stiffness
 
@@ -60,14 +60,14 @@ def spectra(progress: Progress = lambda points: None) -> xr.Dataset:
     """PSDs at the paper's speed for soft, the paper's and stiff joints, and the RMS up to each frequency."""
     axes = {"speed": _PAPER_SPEED, **dict.fromkeys(JOINTS, SPECTRUM_JOINTS), "frequency": SPECTRUM_AXIS}
     result = sweep(CASE, over=axes, psd=True, progress=progress)
-    for prefix in MODELS:
+    for prefix in PREFIXES:
         for name, response in RESPONSES.items():
             key = f"{prefix}{name}"
             if f"{key}_psd" in result:
                 up_to = result[f"{key}_psd"].cumulative_integrate("frequency") ** 0.5
                 up_to.attrs = {
                     "units": response.unit,
-                    "long_name": f"RMS up to a frequency of the {response.long_name}, {MODELS[prefix]}",
+                    "long_name": f"RMS up to a frequency of the {response.long_name}, {PREFIXES[prefix]}",
                 }
                 result[f"{key}_cumulative_rms"] = up_to
     corners = corner_frequencies(study_case().vehicle)
@@ -116,7 +116,7 @@ def histories() -> xr.Dataset:
                 variables[f"{prefix}{name}_history"] = (
                     (response.dimension, "sample"),
                     in_time(transfer * centre),
-                    {"units": response.unit, "long_name": f"{response.long_name} in time, {MODELS[prefix]}"},
+                    {"units": response.unit, "long_name": f"{response.long_name} in time, {PREFIXES[prefix]}"},
                 )
     coordinates: dict[str, Any] = {
         "time": ("sample", np.arange(samples) / RATE, {"units": "s", "long_name": "time"}),
