@@ -290,10 +290,10 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
     prepare_matplotlib()
     from freqrail import figures
-    from freqrail.storage import open_result
+    from freqrail.points import read_result
 
     point = _one_point(at)
-    dataset = open_result(result)
+    dataset = read_result(result)
     _repeat_warnings(dataset)
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
     with progress("figures", figures.count(dataset, point)) as advance:
@@ -374,8 +374,7 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
     from freqrail import plausibility, summary
     from freqrail.findings import is_confirmation
-    from freqrail.points import example_point, result_case
-    from freqrail.storage import open_result
+    from freqrail.points import example_point, read_result, result_case
     from freqrail.untrusted import check_result
 
     point = _one_point(at)
@@ -383,7 +382,7 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         facts = {"file": what, **check_result(what)}
         report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
-    dataset = open_result(what)
+    dataset = read_result(what)
     told = _repeat_warnings(dataset)
     if is_confirmation(dataset):
         facts, lines = summary.confirmation_text(dataset, point)

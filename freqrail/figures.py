@@ -35,11 +35,10 @@ from freqrail.casefile import parse_toml, to_toml
 from freqrail.errors import FileError, InputError
 from freqrail.findings import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE
-from freqrail.points import Point, confirmed_point, off_grid, result_case
+from freqrail.points import Point, confirmed_point, off_grid, read_result, result_case
 from freqrail.quantities import printable
 from freqrail.responses import DIMENSIONS, PREFIXES, RESPONSES, Response
 from freqrail.shipped import shipped_cases
-from freqrail.storage import open_result
 from freqrail.types import Progress
 
 FORMATS = ("png", "svg", "pdf")
@@ -105,7 +104,7 @@ def plot(
     if format not in FORMATS:
         raise InputError(f"--format: must be one of {', '.join(FORMATS)} (got {format!r})")
     if not isinstance(dataset, xr.Dataset):
-        dataset = open_result(dataset)
+        dataset = read_result(dataset)
     drawings = _all_drawings(dataset, at)
     if not drawings:
         raise InputError(

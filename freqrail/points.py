@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Mapping
@@ -12,8 +13,10 @@ import xarray as xr
 from freqrail.axes import axis_unit, grid_axis, swept
 from freqrail.case import Case, build_case, place_point
 from freqrail.errors import FreqrailWarning, InputError
+from freqrail.findings import is_confirmation
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
 from freqrail.quantities import Quantity, is_same, parse_quantity, unit_factor
+from freqrail.storage import open_result
 
 Point = Mapping[str, Quantity]
 
@@ -51,6 +54,37 @@ def result_case(dataset: xr.Dataset) -> Case:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FreqrailWarning)  # the sweep has told them
         return build_case(text, name=name, file="the result's case", stray_points=True)
+
+
+def read_result(path: str | os.PathLike[str]) -> xr.Dataset:
+    """A result from its file (see `storage.open_result`), held against the case that it bears.
+
+    Raises InputError besides if its effective_case is no case, or its axes are not those of the case.
+    """
+    dataset = open_result(path)
+    faults = [] if is_confirmation(dataset) else _case_faults(dataset)
+    if faults:
+        raise InputError(*(f"{path}: is no whole result of freqrail: {fault}" for fault in faults))
+    return dataset
+
+
+def _case_faults(dataset: xr.Dataset) -> list[str]:
+    try:
+        case = result_case(dataset)
+    except InputError as fault:
+        return [f"its effective_case is no case: {problem}" for problem in fault.problems]
+    faults = [
+        f"has no dimension {axis.name}, which its case sweeps" for axis in case.axes if axis.name not in dataset.dims
+    ]
+    for name in swept(dataset):
+        unit, parameter = axis_unit(dataset, name), PARAMETERS[name]
+        try:
+            right = unit_factor(unit)[1] == unit_factor(parameter.unit)[1]
+        except ValueError:
+            right = False
+        if not right:
+            faults.append(f"{name} has no unit of a {parameter.kind} (got {unit!r})")
+    return faults
 
 
 def example_point(dataset: xr.Dataset) -> str:

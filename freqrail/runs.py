@@ -20,11 +20,10 @@ from freqrail.case import Case
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.integrators import INTEGRATORS
 from freqrail.names import PARAMETERS, Parameter, suggestion
-from freqrail.points import Point, off_grid, parse_point, result_case
+from freqrail.points import Point, off_grid, parse_point, read_result, result_case
 from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
 from freqrail.responses import RESPONSES
-from freqrail.storage import open_result
 from freqrail.timedomain import Plan
 
 WHOLE_AXIS_BAND = Band("frequency", 0.1, 100.0)
@@ -104,7 +103,7 @@ def plan_run(
     band: str | None = None,
 ) -> Run:
     """The checked plan of `confirm`, whose arguments these are. Raises InputError."""
-    dataset = result if isinstance(result, xr.Dataset) else open_result(result)
+    dataset = result if isinstance(result, xr.Dataset) else read_result(result)
     if "status" not in dataset:
         raise InputError("confirm: this dataset is no result of `freqrail sweep` (it has no variable status)")
     problems = _option_problems(seed, realisations, integrator, start)

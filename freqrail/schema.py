@@ -1,7 +1,8 @@
 """What a result of `freqrail sweep` must hold: variables, dimensions, units and statuses that fit each other.
 
 A digest tells whether a file is what was written; this tells whether what was written is a result. A dataset
-that other hands have cut, renamed or filled and written anew has a digest that matches.
+that other hands have cut, renamed or filled and written anew has a digest that matches. No case is read here:
+whether the axes are those of the case in the file is for `points.read_result` to say.
 """
 
 from __future__ import annotations
@@ -11,12 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from freqrail.axes import axis_unit
+from freqrail.axes import swept
 from freqrail.content import PIECE, pieces
-from freqrail.errors import InputError
-from freqrail.names import JOINTS, PARAMETERS
-from freqrail.points import result_case
-from freqrail.quantities import unit_factor
+from freqrail.names import JOINTS, SWEEPABLE
 from freqrail.responses import DIMENSIONS, PREFIXES, RESPONSES
 
 ATTRIBUTES = ("case_name", "effective_case", "band", "source")
@@ -28,30 +26,23 @@ def faults(dataset: xr.Dataset) -> list[str]:
         return []
     missing = [f"has no attribute {name}" for name in ATTRIBUTES if name not in dataset.attrs]
     missing += [f"has no variable {p}{k}" for p in PREFIXES for k in ("status", "method") if f"{p}{k}" not in dataset]
-    missing += [] if any(f"{name}_rms" in dataset for name in RESPONSES) else ["has no response, such as any_rms"]
+    missing += (
+        []
+        if any(f"{name}_rms" in dataset for name in RESPONSES)
+        else [f"has no response, such as {next(iter(RESPONSES))}_rms"]
+    )
     if missing:
         return missing
-    try:
-        axes = tuple(axis.name for axis in result_case(dataset).axes)
-    except InputError as fault:
-        return [f"its effective_case is no case: {problem}" for problem in fault.problems]
+    axes = swept(dataset)
     return [*_coordinate_faults(dataset, axes), *_variable_faults(dataset, axes)]
 
 
 def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
     for name in axes:
-        if name not in dataset.dims:
-            yield f"has no dimension {name}, which its case sweeps"
+        if name not in SWEEPABLE:
+            yield f"status has the dimension {name}, which no sweep has"
         elif name not in dataset.coords:
             yield f"has no coordinate {name}"
-        else:
-            unit = axis_unit(dataset, name)
-            try:
-                right = unit_factor(unit)[1] == unit_factor(PARAMETERS[name].unit)[1]
-            except ValueError:
-                right = False
-            if not right:
-                yield f"{name} has no unit of a {PARAMETERS[name].kind} (got {unit!r})"
     for name, dimension in DIMENSIONS.items():
         if name in dataset.coords and not set(dataset[name].values.tolist()) <= set(dimension.labels):
             yield f"{name} has labels other than {', '.join(map(str, dimension.labels))}"

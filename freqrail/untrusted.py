@@ -1,7 +1,7 @@
 """`freqrail show FILE --check`: a file of unknown origin, read in a child process with limits on time and memory.
 
 Three in a thousand random changes of a byte make the NetCDF library loop for ever, others make it crash; a
-process of its own keeps both from the one that asks. The file is read as every result is, by `storage.open_result`.
+process of its own keeps both from the one that asks. The file is read as every result is, by `points.read_result`.
 """
 
 from __future__ import annotations
@@ -69,11 +69,11 @@ def child() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
     from freqrail.axes import first_failures
-    from freqrail.storage import open_result
+    from freqrail.points import read_result
 
     answer: dict[str, Any] = {"problems": [], "digest": "", "failures": []}
     try:
-        dataset = open_result(path)
+        dataset = read_result(path)
         answer |= {"digest": str(dataset.attrs["content_digest"]), "failures": first_failures(dataset)}
     except InputError as fault:
         answer["problems"] = fault.problems

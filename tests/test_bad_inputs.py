@@ -678,9 +678,9 @@ def test_a_file_that_does_it_to_the_library_does_not_do_it_to_the_command(progra
 def test_the_child_has_a_limit_on_its_memory(here, capsys, monkeypatch):
     """So that a file which makes the library ask for everything takes nothing from the others on the machine."""
     program = (
-        "import freqrail.storage\n"
-        "def open_result(path): return bytearray(10**10)\n"
-        "freqrail.storage.open_result = open_result\n"
+        "import freqrail.points\n"
+        "def read_result(path): return bytearray(10**10)\n"
+        "freqrail.points.read_result = read_result\n"
         "from freqrail.untrusted import child; child()"
     )
     monkeypatch.setattr(untrusted, "COMMAND", program)
