@@ -16,7 +16,7 @@ import scipy
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail import responses, timedomain, verdicts
+from freqrail import responses, statistics, timedomain, verdicts
 from freqrail.axes import grid_axis, swept
 from freqrail.band import band_text
 from freqrail.content import content_digest, whole
@@ -60,7 +60,7 @@ def _checks(
     """Differences, tolerances and verdicts, [point, model, series], by name with their attributes."""
     kernel = np.array([f.kernel for f in found])
     pooled, degrees = np.array([e.pooled for e in evidence]), np.array([e.degrees for e in evidence])
-    low, high = verdicts.interval(pooled, degrees, verdicts.simultaneous(kernel.size))
+    low, high = statistics.interval(pooled, degrees, statistics.simultaneous(kernel.size))
     solver = np.array([e.solver_error for e in evidence])
     differences: dict[str, NDArray[np.float64]] = {
         "kernel": kernel / np.array([f.line_spectrum for f in found]) - 1,
@@ -77,13 +77,13 @@ def _checks(
         tolerances["whole_axis"] = KERNEL_TOLERANCE + ROUNDING_SAFETY * rounding
     psd, line_psd = _spectral_differences(run, evidence, found)
     judged = {
-        "solver": verdicts.tolerance_verdicts(solver, _by_model(run, timedomain.SOLVER_TOLERANCE), verdicts.FAILED),
-        "statistical": verdicts.statistical_verdicts(pooled, degrees, kernel, kernel.size),
-        **{name: verdicts.tolerance_verdicts(value, tolerances[name]) for name, value in differences.items()},
-        "psd": verdicts.tolerance_verdicts(line_psd, _by_model(run, LINE_PSD_TOLERANCE), verdicts.FAILED),
+        "solver": statistics.tolerance_verdicts(solver, _by_model(run, timedomain.SOLVER_TOLERANCE), verdicts.FAILED),
+        "statistical": statistics.statistical_verdicts(pooled, degrees, kernel, kernel.size),
+        **{name: statistics.tolerance_verdicts(value, tolerances[name]) for name, value in differences.items()},
+        "psd": statistics.tolerance_verdicts(line_psd, _by_model(run, LINE_PSD_TOLERANCE), verdicts.FAILED),
     }
     if run.frequency.size:
-        stored = verdicts.tolerance_verdicts(psd, np.full_like(kernel, PSD_TOLERANCE))
+        stored = statistics.tolerance_verdicts(psd, np.full_like(kernel, PSD_TOLERANCE))
         judged["psd"] = np.where(stored == verdicts.CONFIRMED, judged["psd"], stored)
     number = {"units": "1"}
     width = (high - low) / 2 / pooled
@@ -148,8 +148,8 @@ def _by_response(
 ) -> Variables:
     """The numbers behind the checks, a variable a response: <response>_<what>."""
     pooled, degrees = np.array([e.pooled for e in evidence]), checks["degrees_of_freedom"][0]
-    low, high = verdicts.interval(pooled, degrees)
-    verdict_low, verdict_high = verdicts.interval(pooled, degrees, verdicts.simultaneous(pooled.size))
+    low, high = statistics.interval(pooled, degrees)
+    verdict_low, verdict_high = statistics.interval(pooled, degrees, statistics.simultaneous(pooled.size))
     every: dict[str, tuple[Any, str, tuple[str, ...]]] = {
         "rms_frequency_domain": ([f.kernel for f in found], "RMS by frequency responses, continuous spectrum", ()),
         "rms_line_spectrum": ([e.line_spectrum for e in evidence], "RMS of a record by its line spectrum", ("record",)),
@@ -200,7 +200,7 @@ def _by_point(run: Run, evidence: Sequence[Evidence], found: Sequence[References
     simulated, closed = np.array([e.track_deviation for e in evidence]), np.array([f.track_deviation for f in found])
     ranges = np.array([timedomain.track_ranges(point, plan) for point, plan in zip(run.points, run.plans, strict=True)])
     speed = np.array([[[point.speed]] for point in run.points])
-    judged = verdicts.tolerance_verdicts(simulated / closed - 1, np.full(closed.shape, TRACK_TOLERANCE))
+    judged = statistics.tolerance_verdicts(simulated / closed - 1, np.full(closed.shape, TRACK_TOLERANCE))
     return {
         "computed_anew": (
             "point",
@@ -348,8 +348,8 @@ def _attributes(run: Run, evidence: Sequence[Evidence]) -> dict[str, Any]:
         "discard_rule": "nothing: the start is the lines' own steady state" if steady else f"the ramp, then {discard}",
         "tighter_repeat": "record 0 of point 1, ten times tighter (exponential: track sampled twice as often)",
         "tighter_repeat_change": evidence[0].tighter_change,
-        "interval_confidence": verdicts.CONFIDENCE,
-        "verdict_confidence": verdicts.FAMILY_CONFIDENCE,
+        "interval_confidence": statistics.CONFIDENCE,
+        "verdict_confidence": statistics.FAMILY_CONFIDENCE,
         "verdict_rule": "simultaneous (Bonferroni) over all statistical checks of the run",
         "failures": "; ".join(
             f"{place}, {model} model: {fault}"

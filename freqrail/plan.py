@@ -34,21 +34,24 @@ class Plan:
     @classmethod
     def of(cls, case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Plan:
         """The plan of a checked case. Raises InputError for an unknown response."""
-        names = response_names(responses)
         frequency = (case.frequency or _default_frequency(case)) if psd else None
-        return cls(
-            layout=Layout(case, names, frequency),
-            studies={
-                prefix: Study(
-                    vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
-                    speed=part.speeds(),
-                    spectrum=part.spectrum,
-                    band=part.band,
-                    names=names,
-                )
-                for prefix, part in (("", case), ("traditional_", without_joints(case)))
-            },
-        )
+        return cls.for_layout(Layout(case, response_names(responses), frequency))
+
+    @classmethod
+    def for_layout(cls, layout: Layout) -> Plan:
+        """The plan that fills a layout."""
+        case = layout.case
+        studies = {
+            prefix: Study(
+                vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
+                speed=part.speeds(),
+                spectrum=part.spectrum,
+                band=part.band,
+                names=layout.names,
+            )
+            for prefix, part in (("", case), ("traditional_", without_joints(case)))
+        }
+        return cls(layout, studies)
 
     @property
     def points(self) -> int:

@@ -5,17 +5,21 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
-from freqrail.axes import axis_unit, grid_axis, swept
+from freqrail.axes import axis_label, axis_unit, grid_axis, swept
 from freqrail.case import Case, build_case, place_point
+from freqrail.dataset import skeleton
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.findings import is_confirmation
+from freqrail.layout import Layout
 from freqrail.names import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.quantities import Quantity, is_same, parse_quantity, unit_factor
+from freqrail.quantities import Axis, Quantity, is_same, parse_quantity, unit_factor
+from freqrail.responses import RESPONSES
 from freqrail.storage import open_result
 
 Point = Mapping[str, Quantity]
@@ -128,6 +132,70 @@ def off_grid(
     if faults.keys() - off.keys():
         raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items() if name not in off))
     return indices, off
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a point lies in a result.
+
+    dataset: the result itself, or the coordinates and the case (see `result_case`) of the point where the result's
+    grid does not hold it. index: place along every swept parameter, those kept whole left out. anew: the swept
+    parameters whose value the result's grid lacks, none if the numbers are the result's own.
+    """
+
+    dataset: xr.Dataset
+    index: Mapping[str, int]
+    anew: tuple[str, ...]
+
+    @property
+    def note(self) -> str:
+        """What is not the result's own, in words; "" if nothing."""
+        values = [f"{name} = {axis_label(self.dataset, name, self.index[name])}" for name in self.anew]
+        return f"computed anew: {', '.join(values)} is not on the result's grid" if values else ""
+
+
+def find_place(
+    dataset: xr.Dataset, point: Point | None = None, keep: Sequence[str] = (), origin: str = "--at"
+) -> Place:
+    """Where a point lies, on the grid of a result or off it.
+
+    point: {name: quantity}; a swept parameter left out takes the case's own value, or the axis' only one. keep: swept
+    parameters that stay whole axes. origin: what messages call the point.
+
+    Raises InputError for a name that is neither swept nor the case's own value.
+    """
+    index, off = off_grid(dataset, point, origin)
+    off = {name: quantity for name, quantity in off.items() if name not in keep}
+    index = {name: i for name, i in index.items() if name not in keep}
+    if not off:
+        return Place(dataset, index, ())
+    case = result_case(dataset)
+    over = {name: quantity.text for name, quantity in off.items()}
+    for axis in case.axes:
+        si = grid_axis(dataset, axis.name).si
+        if axis.name in index:
+            over[axis.name] = _axis_text(axis, si[[index[axis.name]]])
+        elif axis.name in keep and not np.array_equal(si, axis.si):  # a part that the caller has cut out
+            over[axis.name] = _axis_text(axis, si)
+    own = build_case(case.effective, over=over, name=case.name, stray_points=True)
+    return Place(
+        skeleton(layout_of(dataset, own)), {name: 0 for name in swept(dataset) if name not in keep}, tuple(off)
+    )
+
+
+def layout_of(dataset: xr.Dataset, case: Case) -> Layout:
+    """The layout of a result with the responses, and at the frequencies, of another one."""
+    frequency = None
+    if "frequency" in dataset.dims:
+        values = dataset["frequency"].values
+        frequency = Axis("frequency", values, "Hz", values, "")
+    return Layout(case, tuple(name for name in RESPONSES if f"{name}_rms" in dataset), frequency)
+
+
+def _axis_text(axis: Axis, si: np.ndarray) -> str:
+    """Values of an axis as a case has them, in the unit in which it was written."""
+    factor = float(unit_factor(axis.unit)[0])
+    return f"{', '.join('inf' if np.isinf(value) else f'{value / factor:.15g}' for value in si)} {axis.unit}"
 
 
 def confirmed_point(dataset: xr.Dataset, point: Point) -> int:

@@ -13,14 +13,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import responses, timedomain
-from freqrail.anew import Found, find
 from freqrail.axes import axis_label, grid_axis
 from freqrail.band import Band
 from freqrail.case import Case
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.integrators import INTEGRATORS
 from freqrail.names import PARAMETERS, Parameter, suggestion
-from freqrail.points import Point, off_grid, parse_point, read_result, result_case
+from freqrail.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
 from freqrail.quantities import given, parse_pair, parse_quantity
 from freqrail.realisation import LARGEST_SEED
 from freqrail.responses import RESPONSES
@@ -50,7 +49,7 @@ class Run:
     dataset: xr.Dataset
     names: tuple[str, ...]
     band: Band
-    places: tuple[Found, ...]
+    places: tuple[Place, ...]
     labels: tuple[str, ...]
     points: tuple[timedomain.Point, ...]
     plans: tuple[Plan, ...]
@@ -196,7 +195,7 @@ def _band(text: str, problems: list[str]) -> Band:
     return Band(kind, low.value, high.value)
 
 
-def _places(dataset: xr.Dataset, case: Case, at: Points | None) -> list[Found]:
+def _places(dataset: xr.Dataset, case: Case, at: Points | None) -> list[Place]:
     """Where the numbers of the points are: a point off the grid is computed anew, and a warning says so.
 
     Raises InputError for one that cannot be, or is given twice.
@@ -207,12 +206,12 @@ def _places(dataset: xr.Dataset, case: Case, at: Points | None) -> list[Found]:
         named = [("--at", parse_point(point) if isinstance(point, str) else point) for point in given_points]
     else:
         named = _own_points(dataset, case)
-    places: list[Found] = []
+    places: list[Place] = []
     keys: list[str] = []
     problems: list[str] = []
     for origin, point in named:
         try:
-            place = find(dataset, point, origin=origin)
+            place = find_place(dataset, point, origin=origin)
         except InputError as fault:
             problems += fault.problems
             continue
@@ -250,7 +249,7 @@ def _own_points(dataset: xr.Dataset, case: Case) -> list[tuple[str, Point | None
     return [*held] or [*own] or [("--at", None)]
 
 
-def _point(place: Found) -> timedomain.Point:
+def _point(place: Place) -> timedomain.Point:
     case = result_case(place.dataset)
     vehicle = case.vehicles().at(tuple(place.index[axis.name] for axis in case.axes if axis.name != "speed"))
     values = {name: quantity.value for name, quantity in case.quantities.items()}
@@ -260,5 +259,5 @@ def _point(place: Found) -> timedomain.Point:
     return timedomain.Point(vehicle, values["speed"], case.spectrum, key)
 
 
-def _label_of(place: Found) -> str:
+def _label_of(place: Place) -> str:
     return ", ".join(f"{name} = {axis_label(place.dataset, name, i)}" for name, i in place.index.items())

@@ -35,10 +35,10 @@ from freqrail.realisation import (
 )
 from freqrail.response import wheel_lags
 from freqrail.responses import PAPER, series_count
+from freqrail.statistics import degrees_of_freedom
 from freqrail.track import Spectrum, frequency_psd
 from freqrail.types import SecondsProgress
 from freqrail.vehicle import DEGREES_OF_FREEDOM, StateSpace, System, Vehicle, half_vehicle, poles, state_space
-from freqrail.verdicts import degrees_of_freedom
 
 MODELS = ("joint", "traditional")
 

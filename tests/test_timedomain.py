@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import ALL_NAMES, lags, output_matrices
 
-from freqrail import grid, timedomain, verdicts
+from freqrail import grid, statistics, timedomain, verdicts
 from freqrail.band import Band
 from freqrail.errors import InputError
 from freqrail.integrators import Accuracy
@@ -46,12 +46,12 @@ def verdicts_of(point, plan, side=None, true=None) -> tuple[np.ndarray, np.ndarr
 def judged(evidence: timedomain.Evidence, plan: Plan, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(solver, statistical) verdicts of what was found at one point."""
     return (
-        verdicts.tolerance_verdicts(
+        statistics.tolerance_verdicts(
             evidence.solver_error,
             np.array([[timedomain.SOLVER_TOLERANCE[timedomain.integrator_of(plan, model)]] for model in MODELS]),
             verdicts.FAILED,
         ),
-        verdicts.statistical_verdicts(evidence.pooled, evidence.degrees, known, 2 * series_count(PAPER)),
+        statistics.statistical_verdicts(evidence.pooled, evidence.degrees, known, 2 * series_count(PAPER)),
     )
 
 
