@@ -14,24 +14,31 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
+from freqrail.figure_style import (
+    BLUE,
+    DEEPEST,
+    TRADITIONAL,
+    VERMILION,
+    WHEELS,
+    WITH_JOINTS,
+    legend,
+    new_figure,
+    panels,
+    psd_label,
+)
 from freqrail.findings import band_note, confirmed_names, relative
-from freqrail.responses import DIMENSIONS, RESPONSES
+from freqrail.responses import DIMENSIONS, PREFIXES, RESPONSES
 from freqrail.verdicts import FAILED, OUTSIDE
 
-_WIDTH = 7.2  # inches, as in `figures`
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
 _PANELS_A_ROW, _POINTS_A_FIGURE = 3, 9
-_DEEPEST = 1e-8  # of its top, where a PSD axis ends
-_COLOURS = {"joint": "#0072B2", "traditional": "black"}
-_WORDS = {"joint": "model with damper joints", "traditional": "traditional model, rigid damper joints"}
-_FAULT = "#D55E00"
+_COLOURS = {"joint": BLUE, "traditional": "black"}
+_WORDS = {"joint": PREFIXES[""], "traditional": PREFIXES["traditional_"]}
 _SMALLEST = 1e-14  # solver errors below this are rounding, and drawn there
-_WHEELS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 _OFFSET = {"joint": -0.18, "traditional": 0.18}  # of a row, so that the models' bars do not cover each other
 
 
@@ -59,14 +66,14 @@ def drawings(dataset: xr.Dataset, point: int | None = None) -> dict[str, Callabl
 def _track(dataset: xr.Dataset, point: int) -> Figure:
     """The track at the four wheels (the paper's fig. 3), and a second of it, where the lags show."""
     one = dataset.isel(point=point)
-    figure = _figure(1, 4.2, dataset, point, "track irregularity of record 0")
+    figure = _figure(4.2, dataset, point, "track irregularity of record 0")
     for ax, span, letter in zip(figure.subplots(2, 1), (_SHOWN, _CLOSE), "ab", strict=True):
         kept = one["time"].values <= span
-        for axle, colour in zip(one["axle"].values, _WHEELS, strict=True):
+        for axle, colour in zip(one["axle"].values, WHEELS, strict=True):
             ax.plot(one["time"].values[kept], 1e3 * one["track_height"].sel(axle=axle).values[kept], color=colour)
         ax.set_xlim(0, span)
         ax.set(xlabel="time [s]", ylabel="track height [mm]", title=f"({letter}) under the four wheels, {span:g} s")
-    _legend(figure, [Line2D([], [], color=c, label=f"axle {n}") for n, c in enumerate(_WHEELS, start=1)])
+    legend(figure, [Line2D([], [], color=c, label=f"axle {n}") for n, c in enumerate(WHEELS, start=1)])
     return figure
 
 
@@ -74,7 +81,7 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
     """The four responses in time, both models together (the paper's fig. 4)."""
     one = dataset.isel(point=point)
     kept = one["time"].values <= _SHOWN
-    figure = _figure(2, _panels_height(dataset), dataset, point, "simulated responses to record 0")
+    figure = _figure(_panels_height(dataset), dataset, point, "simulated responses to record 0")
     for name, ax in _panels(figure, dataset):
         response = RESPONSES[name]
         for model, style in _line_styles().items():
@@ -82,7 +89,7 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
             ax.plot(one["time"].values[kept], response.shown_scale * history[kept], **style)
         ax.set_xlim(0, _SHOWN)
         ax.set(xlabel="time [s]", ylabel=f"{name.split('_')[-1]} [{response.shown_unit}]")
-    _legend(figure, [Line2D([], [], **style, label=_WORDS[model]) for model, style in _line_styles().items()])
+    legend(figure, [Line2D([], [], **style, label=_WORDS[model]) for model, style in _line_styles().items()])
     return figure
 
 
@@ -90,7 +97,6 @@ def _spectra(dataset: xr.Dataset, point: int) -> Figure:
     """PSDs of the simulated responses as dots over the analytic ones."""
     one = dataset.isel(point=point)
     figure = _figure(
-        2,
         _panels_height(dataset),
         dataset,
         point,
@@ -112,20 +118,19 @@ def _spectra(dataset: xr.Dataset, point: int) -> Figure:
             top = max(top, float(np.nanmax(analytic)))
         ax.set_xscale("log")
         ax.set_yscale("log")
-        ax.set_ylim(bottom=max(ax.get_ylim()[0], _DEEPEST * top))
+        ax.set_ylim(bottom=max(ax.get_ylim()[0], DEEPEST * top))
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        unit = response.shown_unit
-        ax.set(xlabel="frequency $f$ [Hz]", ylabel=f"one-sided PSD [{f'({unit})' if '/' in unit else unit}²/Hz]")
+        ax.set(xlabel="frequency $f$ [Hz]", ylabel=psd_label(response.shown_unit))
     handles = [Line2D([], [], color=c, marker=".", linewidth=0.8, label=_WORDS[m]) for m, c in _COLOURS.items()]
-    _legend(figure, handles)
+    legend(figure, handles)
     return figure
 
 
 def _line_styles() -> dict[str, dict[str, Any]]:
     """The traditional model thin and on top, so that both are seen where they agree."""
     return {
-        "joint": {"color": _COLOURS["joint"], "linewidth": 1.3},
-        "traditional": {"color": _COLOURS["traditional"], "linewidth": 0.6, "linestyle": "--"},
+        "joint": {**WITH_JOINTS, "linewidth": 1.3},
+        "traditional": {**TRADITIONAL, "linewidth": 0.6},
     }
 
 
@@ -136,13 +141,11 @@ def _first(variable: xr.DataArray, dimension: str, model: str) -> np.ndarray:
 def _panels(figure: Figure, dataset: xr.Dataset) -> list[tuple[str, Axes]]:
     """A panel a response that was confirmed, two in a row."""
     names = confirmed_names(dataset)
-    axes = figure.subplots(-(-len(names) // 2), 2, squeeze=False).ravel()
-    for spare in axes[len(names) :]:
-        spare.remove()
-    for letter, name, ax in zip("abcdefg", names, axes, strict=False):
+    titles = []
+    for name in names:
         dimension = DIMENSIONS.get(RESPONSES[name].dimension)
-        ax.set_title(f"({letter}) {RESPONSES[name].long_name}" + (f", {dimension.words[0]}" if dimension else ""))
-    return list(zip(names, axes, strict=False))
+        titles.append(RESPONSES[name].long_name + (f", {dimension.words[0]}" if dimension else ""))
+    return list(zip(names, panels(figure, titles), strict=True))
 
 
 def _panels_height(dataset: xr.Dataset) -> float:
@@ -159,8 +162,8 @@ def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
         key: 100 * relative(dataset, key)
         for key in ("pooled", "interval_low", "interval_high", "verdict_low", "verdict_high")
     }
-    figure, panels = _rows(dataset, points, "simulated RMS against the frequency domain's (line at 0)")
-    for place, ax in panels:
+    figure, rows = _rows(dataset, points, "simulated RMS against the frequency domain's (line at 0)")
+    for place, ax in rows:
         ax.axvline(0, color="0.35", linewidth=0.8)
         for m, model in enumerate(dataset["model"].values):
             y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
@@ -169,7 +172,7 @@ def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
             ax.hlines(y, at["interval_low"], at["interval_high"], color=_COLOURS[model], linewidth=2.4)
             outside = _outside(dataset, "statistical", place, m)
             ax.plot(at["pooled"][~outside], y[~outside], "o", color="white", markeredgecolor=_COLOURS[model], ms=3.5)
-            ax.plot(at["pooled"][outside], y[outside], "X", color=_FAULT, markersize=5)
+            ax.plot(at["pooled"][outside], y[outside], "X", color=VERMILION, markersize=5)
         ax.set_xlabel("difference of the RMS [%]")
     _checked_legend(figure, ["bars: 95 % interval, thin lines: the simultaneous interval that decides"])
     return figure
@@ -188,14 +191,14 @@ def _differences(dataset: xr.Dataset, points: Sequence[int], check: str) -> Figu
     allowed = dataset[f"{check}_tolerance"].values
     allowed = np.broadcast_to(allowed[None, :, None] if allowed.ndim == 1 else allowed, shape)
     errors = np.maximum(np.abs(dataset[variable].values), _SMALLEST)
-    figure, panels = _rows(dataset, points, what)
-    for place, ax in panels:
+    figure, rows = _rows(dataset, points, what)
+    for place, ax in rows:
         ax.set_xscale("log")
         for m, model in enumerate(dataset["model"].values):
             y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
             outside = _outside(dataset, check, place, m)
             ax.plot(errors[place, m][~outside], y[~outside], "o", color=_COLOURS[model], markersize=3.5)
-            ax.plot(errors[place, m][outside], y[outside], "X", color=_FAULT, markersize=5)
+            ax.plot(errors[place, m][outside], y[outside], "X", color=VERMILION, markersize=5)
             ax.plot(allowed[place, m], y, "|", color=_COLOURS[model], markersize=6)
         least = np.nanmin(errors[points], initial=1.0) / 2
         ax.set_xlim(least, 3 * max(float(np.nanmax(allowed[points])), float(np.nanmax(errors[points], initial=0.0))))
@@ -215,23 +218,23 @@ def _rows(dataset: xr.Dataset, points: Sequence[int], what: str) -> tuple[Figure
     """A panel a point, a row a series."""
     columns = min(_PANELS_A_ROW, len(points))
     rows = -(-len(points) // columns)
-    figure = _figure(columns, (0.9 + 0.22 * dataset.sizes["series"]) * rows + 0.9, dataset, None, what)
+    figure = _figure((0.9 + 0.22 * dataset.sizes["series"]) * rows + 0.9, dataset, None, what)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for spare in axes.ravel()[len(points) :]:
         spare.remove()
-    panels = list(zip(points, axes.ravel(), strict=False))
+    drawn = list(zip(points, axes.ravel(), strict=False))
     labels = [str(label).replace("_", " ") for label in dataset["series"].values]
-    for place, ax in panels:
+    for place, ax in drawn:
         ax.set_yticks(np.arange(len(labels)), labels)
         ax.set_ylim(len(labels) - 0.5, -0.5)
         ax.set_title("\n".join(_place(dataset, place).split(", ")), fontsize=7)
-    return figure, panels
+    return figure, drawn
 
 
 def _checked_legend(figure: Figure, notes: Sequence[str]) -> None:
     marks = [Line2D([], [], color=c, marker="o", markersize=3.5, label=_WORDS[m]) for m, c in _COLOURS.items()]
-    marks.append(Line2D([], [], color=_FAULT, marker="X", linestyle="none", markersize=5, label="outside"))
-    _legend(figure, marks, notes)
+    marks.append(Line2D([], [], color=VERMILION, marker="X", linestyle="none", markersize=5, label="outside"))
+    legend(figure, marks, "\n".join(notes))
 
 
 # --- words and layout ------------------------------------------------------------------------------
@@ -241,13 +244,6 @@ def _place(dataset: xr.Dataset, point: int) -> str:
     return str(dataset["place"].values[point]).replace("_", " ")
 
 
-def _figure(columns: int, height: float, dataset: xr.Dataset, point: int | None, what: str) -> Figure:
-    figure = Figure(figsize=(_WIDTH, height), layout=ConstrainedLayoutEngine(wspace=0.04, hspace=0.04))
+def _figure(height: float, dataset: xr.Dataset, point: int | None, what: str) -> Figure:
     where = [] if point is None else [_place(dataset, point)]
-    figure.suptitle("\n".join([what, *where, band_note(dataset)]), fontsize=8.5)
-    return figure
-
-
-def _legend(figure: Figure, handles: Sequence[Line2D], notes: Sequence[str] = ()) -> None:
-    # "outside": the layout makes room for it, so that it covers no panel
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), title="\n".join(notes) or None)
+    return new_figure(height, (0.04, 0.04), [what, *where, band_note(dataset)])

@@ -14,67 +14,57 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import matplotlib.style
 import numpy as np
 import xarray as xr
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from freqrail import confirmation_figures, files, manifest
+from freqrail import confirmation_figures, manifest
 from freqrail.anew import ATTRIBUTE, find
 from freqrail.axes import axis_unit, first_failures, grid_axis, swept
 from freqrail.case import Case
 from freqrail.casefile import parse_toml, to_toml
 from freqrail.errors import FileError, InputError
+from freqrail.figure_style import (
+    BLUE,
+    DEEPEST,
+    FORMATS,
+    MARKERS,
+    STYLE,
+    TRADITIONAL,
+    WITH_JOINTS,
+    Style,
+    handle,
+    legend,
+    new_figure,
+    not_too_steep,
+    panels,
+    psd_label,
+    save,
+)
+from freqrail.figure_style import family as family_styles
 from freqrail.findings import is_confirmation
 from freqrail.names import JOINTS, PARAMETERS, SWEEPABLE
 from freqrail.points import Point, confirmed_point, off_grid, read_result, result_case
-from freqrail.quantities import printable
 from freqrail.responses import DIMENSIONS, PREFIXES, RESPONSES, Response
 from freqrail.shipped import shipped_cases
 from freqrail.types import Progress
 
-FORMATS = ("png", "svg", "pdf")
-
 Selection = Mapping[str, int | NDArray[np.intp]]
 """What a figure takes of each swept parameter: one index where it is held, all that it draws otherwise."""
-Style = Mapping[str, Any]
 
-_WIDTH, _ROW, _MARGIN = 7.2, 2.3, 1.2  # inches: two columns of a journal; a row of panels; caption and legend
+_ROW, _MARGIN = 2.3, 1.2  # inches: a row of panels; caption and legend
 _SPEEDS, _LINES = 6, 8  # of more speeds, or more values of another parameter, an even spread is drawn
 _MARKED = 30  # a line of at most so many values shows each of them by a marker
-_MARKERS = "osD^vP<X"
-_FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
-_DEEPEST = 1e-8  # of its top, where a PSD axis ends: below lie only the dips of the wheelbase filter
-_BLUE = "#0072B2"  # of Okabe and Ito's colours
 _CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
 _NARROW = 5.0  # a logarithmic axis from 1 to less than this is ticked as a linear one
 _TICKS = 5  # at most so many steps between ticks: long numbers must not touch
 _RIGID = 0.95  # of a panel's width, where the mark of the rigid joint begins
-
-STYLE = {
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.use_mathtext": True,
-    "axes.titlesize": 8,
-    "font.size": 8,
-    "grid.color": "0.88",
-    "grid.linewidth": 0.5,
-    "legend.fontsize": 7.5,
-    "legend.frameon": False,
-    "legend.title_fontsize": 8,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 2.6,
-    "pdf.fonttype": 42,
-    "svg.hashsalt": "freqrail",  # with no date in the file: the same bytes from run to run
-}
 
 
 def plot(
@@ -213,15 +203,15 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
     # the traditional model has one line for all where the family's parameter does not touch it
     own = family in dataset["traditional_status"].dims
     x = dataset[along].values
-    colours = colormaps["viridis"](np.linspace(0, 0.88, len(places))) if family else [_BLUE]
-    markers = _MARKERS if x.size <= _MARKED else [None] * len(places)
-    styles: list[Style] = [{"color": c, "marker": m} for c, m in zip(colours, markers, strict=False)]
+    styles: list[Style] = [*family_styles(len(places))] if family else [{"color": BLUE, "marker": MARKERS[0]}]
+    if x.size > _MARKED:
+        styles = [{**style, "marker": None} for style in styles]
     dashed: list[Style] = [
         {"color": style["color"] if own else "black", "linestyle": "--", "zorder": 2.5} for style in styles
     ]
     order = [name for name in (family, along) if name]
-    figure, panels = _panels(dataset, "_rms", _caption(dataset, case, "_rms", where))
-    for response, ax in panels:
+    figure, drawn = _panels(dataset, "_rms", _caption(dataset, case, "_rms", where))
+    for response, ax in drawn:
         with_joints = _drawn(dataset, response, "", "_rms", where, order).reshape(len(places), x.size)
         traditional = _drawn(dataset, response, "traditional_", "_rms", where, order)
         for line, style in zip(with_joints, styles, strict=True):
@@ -233,23 +223,23 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
                 ax.axhline(line, **style)
         _name_axis(ax, "x", dataset, along)
         ax.set_ylabel(f"RMS [{response.shown_unit}]")
-        _not_too_steep(ax)
+        not_too_steep(ax)
     grey = {"color": "0.4"}
-    models = [_handle({**dashed[0], **(grey if own else {})}, PREFIXES["traditional_"])]
+    models = [handle({**dashed[0], **(grey if own else {})}, PREFIXES["traditional_"])]
     if own or not family:
-        models.insert(0, _handle(grey if own else styles[0], PREFIXES[""]))
+        models.insert(0, handle(grey if own else styles[0], PREFIXES[""]))
     if np.isinf(x).any():
         mark = {
-            "color": "0.4" if family else _BLUE,
+            "color": "0.4" if family else BLUE,
             "linestyle": "none",
             "marker": "_",
             "markersize": 9,
             "markeredgewidth": 2,
         }
-        models.append(_handle(mark, "rigid joint, at the right edge"))
+        models.append(handle(mark, "rigid joint, at the right edge"))
     if family:
         labels = _values(dataset, family, places)
-        values = [_handle(style, label) for label, style in zip(labels, styles, strict=True)]
+        values = [handle(style, label) for label, style in zip(labels, styles, strict=True)]
         size = dataset.sizes[family]
         _legend(figure, models, values, _symbol(family) + (f" ({len(places)} of {size} values)" * (len(places) < size)))
     else:
@@ -264,8 +254,8 @@ def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -
     caption = _caption(dataset, case, "_rms", where, models=("",))
     if finite.size < dataset.sizes[name]:
         caption.append("the rigid joint is not drawn")
-    figure, panels = _panels(dataset, "_rms", caption)
-    for response, ax in panels:
+    figure, drawn = _panels(dataset, "_rms", caption)
+    for response, ax in drawn:
         _name_axis(ax, "x", dataset, "speed")
         _name_axis(ax, "y", dataset, name)
         cells = ax.pcolormesh(
@@ -283,22 +273,21 @@ def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -
 
 def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figure:
     """One-sided PSDs at one grid point, with and without joints."""
-    styles: dict[str, Style] = {"": {"color": _BLUE}, "traditional_": {"color": "black", "linestyle": "--"}}
-    figure, panels = _panels(dataset, "_psd", _caption(dataset, case, "_psd", index))
-    for response, ax in panels:
+    styles: dict[str, Style] = {"": WITH_JOINTS, "traditional_": TRADITIONAL}
+    figure, drawn = _panels(dataset, "_psd", _caption(dataset, case, "_psd", index))
+    for response, ax in drawn:
         ax.set_xscale("log")
         ax.set_yscale("log", nonpositive="mask")
         densities = {prefix: _drawn(dataset, response, prefix, "_psd", index, ("frequency",)) for prefix in styles}
         for prefix, density in densities.items():
             ax.plot(dataset["frequency"].values, density, **styles[prefix])
-        floor = _DEEPEST * max(np.max(density, initial=0.0, where=density < np.inf) for density in densities.values())
+        floor = DEEPEST * max(np.max(density, initial=0.0, where=density < np.inf) for density in densities.values())
         if ax.get_ylim()[0] < floor:
             ax.set_ylim(bottom=floor)
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.set_xlabel("frequency $f$ [Hz]")
-        unit = response.shown_unit
-        ax.set_ylabel(f"one-sided PSD [{f'({unit})' if '/' in unit else unit}²/Hz]")
-    _legend(figure, [_handle(style, PREFIXES[prefix]) for prefix, style in styles.items()])
+        ax.set_ylabel(psd_label(response.shown_unit))
+    _legend(figure, [handle(style, PREFIXES[prefix]) for prefix, style in styles.items()])
     return figure
 
 
@@ -425,16 +414,11 @@ def _caption(
 def _panels(dataset: xr.Dataset, suffix: str, caption: Sequence[str]) -> tuple[Figure, Iterator[tuple[Response, Axes]]]:
     """A figure with a titled panel for each stored response, two a row, and its caption above them."""
     responses = _stored(dataset, suffix)
-    columns = min(2, len(responses))
-    rows = -(-len(responses) // columns)
-    figure = Figure(figsize=(_WIDTH, rows * _ROW + _MARGIN), layout=ConstrainedLayoutEngine(wspace=0.05, hspace=0.03))
-    figure.suptitle("\n".join(line for text in caption for line in textwrap.wrap(text, 100)), fontsize=8.5)
-    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
-    for spare in panels[len(responses) :]:
-        spare.remove()
-    for letter, response, ax in zip("abcdefghij", responses, panels, strict=False):
-        ax.set_title(f"({letter}) {response.long_name}{_place(dataset, response)}")
-    return figure, zip(responses, panels, strict=False)
+    rows = -(-len(responses) // 2)
+    head = [line for text in caption for line in textwrap.wrap(text, 100)]
+    figure = new_figure(rows * _ROW + _MARGIN, (0.05, 0.03), head)
+    titles = [f"{response.long_name}{_place(dataset, response)}" for response in responses]
+    return figure, zip(responses, panels(figure, titles), strict=True)
 
 
 def _place(dataset: xr.Dataset, response: Response) -> str:
@@ -455,24 +439,12 @@ def _line(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], style: Style
         ax.set_xmargin(0.1)  # leaves the mark a place of its own
 
 
-def _not_too_steep(ax: Axes) -> None:
-    low, high = ax.get_ylim()
-    least = _FLATTEST * high
-    if high - low < least:
-        ax.set_ylim((low + high - least) / 2, (low + high + least) / 2)
-
-
-def _handle(style: Style, label: str) -> Line2D:
-    return Line2D([], [], **style, label=label)
-
-
 def _legend(figure: Figure, models: list[Line2D], values: Sequence[Line2D] = (), title: str | None = None) -> None:
     """One legend below all panels: the values in columns of their own, the models in the last one."""
     rows = max(len(models), 2 if len(values) <= 6 else 3) if values else 1
     blank = Line2D([], [], linestyle="none", label=" ")
     handles = [*values, *[blank] * (-len(values) % rows), *models, *[blank] * (-len(models) % rows)]
-    # "outside": the layout makes room for it, so that it covers no panel
-    figure.legend(handles=handles, title=title, loc="outside lower center", ncols=len(handles) // rows)
+    legend(figure, handles, title, len(handles) // rows)
 
 
 # --- files -----------------------------------------------------------------------------------------
@@ -484,18 +456,3 @@ def _folder(folder: Path) -> Path:
     except OSError as fault:
         raise FileError(f"{folder}: this folder cannot be made: {fault.strerror}; name another with -o") from None
     return folder
-
-
-def save(figure: Figure, target: Path, title: str, ready: Callable[[Path], object] = lambda whole: None) -> Path:
-    """Write a figure beside its target and put it in the target's place only when it is whole; see `files.replacing`.
-
-    Characters of the title that no SVG file may hold are escaped.
-    """
-    format = target.suffix[1:]
-    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(format, {})
-    try:
-        with files.replacing(target, ready) as path:
-            figure.savefig(path, format=format, dpi=200, metadata={"Title": printable(title), **undated})
-    except OSError as fault:
-        raise FileError(f"{target}: cannot be written: {fault.strerror or fault}") from None
-    return target

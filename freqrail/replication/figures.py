@@ -15,16 +15,29 @@ from typing import Any
 import matplotlib.style
 import numpy as np
 import xarray as xr
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from freqrail.figures import STYLE, save
+from freqrail.figure_style import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    STYLE,
+    TRADITIONAL,
+    WHEELS,
+    WITH_JOINTS,
+    family,
+    handle,
+    legend,
+    new_figure,
+    not_too_steep,
+    panels,
+    save,
+)
 from freqrail.names import JOINTS, PARAMETERS
 from freqrail.replication.claims import (
     BOGIE,
@@ -43,15 +56,11 @@ from freqrail.types import Progress
 
 FORMATS = ("svg", "png")
 
-_WIDTH = 7.2  # inches, two columns of a journal
 _SHOWN, _CLOSE, _RESPONSES = 10.0, 1.0, 4.0  # s of the histories
 _SPEEDS = (100, 150, 200, 250, 300)  # km/h, of the curves against stiffness
-_MARKERS = "osD^vP"
-_BLUE, _ORANGE, _GREEN, _PINK = "#0072B2", "#E69F00", "#009E73", "#CC79A7"
 _TICKS = (0.5, 1, 2, 5, 10, 20, 50, 100)  # MN/m
 _STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 1e4, 1e5)  # %, of the map's colours
 _MAP_COLOURS = "RdBu_r"
-_FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
 _ALL = (CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE)
 
 
@@ -158,19 +167,19 @@ def draw_all(found: Sequence[Picture], folder: Path, progress: Progress = lambda
 
 
 def _track(dataset: xr.Dataset) -> Figure:
-    figure = _figure(4.4)
-    time, colours = dataset["time"].values, (_BLUE, _ORANGE, _GREEN, _PINK)
+    figure = new_figure(4.4)
+    time, colours = dataset["time"].values, WHEELS
     for ax, shown, letter in zip(figure.subplots(2, 1), (_SHOWN, _CLOSE), "ab", strict=True):
         kept = time <= shown
         for height, colour in zip(dataset["track_height"], colours, strict=True):
             ax.plot(time[kept], 1e3 * height.values[kept], color=colour, linewidth=0.8)
         ax.set(xlim=(0, shown), xlabel="time [s]", ylabel="track height [mm]", title=f"({letter}) {shown:g} s")
-    _legend(figure, [Line2D([], [], color=c, label=f"$z_{{v{n}}}$") for n, c in enumerate(colours, start=1)])
+    legend(figure, [Line2D([], [], color=c, label=f"$z_{{v{n}}}$") for n, c in enumerate(colours, start=1)])
     return figure
 
 
 def _responses(dataset: xr.Dataset) -> Figure:
-    figure = _figure(4.9)
+    figure = new_figure(4.9)
     time = dataset["time"].values
     kept = time <= _RESPONSES
     for name, ax in _panels(figure, _ALL):
@@ -179,15 +188,15 @@ def _responses(dataset: xr.Dataset) -> Figure:
             history = _at_place(dataset[f"{prefix}{name}_history"]).values[kept]
             ax.plot(time[kept], response.shown_scale * history, **style, linewidth=0.8)
         ax.set(xlim=(0, _RESPONSES), xlabel="time [s]", ylabel=f"{name.split('_')[-1]} [{response.shown_unit}]")
-    _legend(figure, _model_handles())
+    legend(figure, _model_handles())
     return figure
 
 
 def _curves(dataset: xr.Dataset, names: Sequence[str], joint: str) -> Figure:
-    figure = _figure(4.9 if len(names) > 2 else 2.9)
+    figure = new_figure(4.9 if len(names) > 2 else 2.9)
     other = next(name for name in JOINTS if name != joint)
     stiffnesses = dataset[joint].values
-    styles = _family(len(stiffnesses))
+    styles = family(len(stiffnesses))
     for name, ax in _panels(figure, names):
         scale = RESPONSES[name].shown_scale
         values = _at_place(dataset[f"{name}_rms"]).sel({other: OTHER_JOINT})
@@ -197,7 +206,7 @@ def _curves(dataset: xr.Dataset, names: Sequence[str], joint: str) -> Figure:
         ax.plot(dataset["speed"].values, scale * rigid, color="black", linestyle="--")
         ax.set(xlabel="speed $v$ [km/h]", ylabel=f"RMS [{RESPONSES[name].shown_unit}]")
     handles = [Line2D([], [], **s, label=f"{k:g} MN/m") for k, s in zip(stiffnesses, styles, strict=True)]
-    _legend(figure, [*handles, _rigid_handle()], f"${PARAMETERS[joint].symbol}$")
+    legend(figure, [*handles, _rigid_handle()], f"${PARAMETERS[joint].symbol}$")
     return figure
 
 
@@ -205,9 +214,9 @@ def _curves(dataset: xr.Dataset, names: Sequence[str], joint: str) -> Figure:
 
 
 def _against_joint(dataset: xr.Dataset, joint: str) -> Figure:
-    figure = _figure(4.9)
+    figure = new_figure(4.9)
     other = next(name for name in JOINTS if name != joint)
-    styles = _family(len(_SPEEDS))
+    styles = family(len(_SPEEDS))
     for name, ax in _panels(figure, _ALL):
         scale = RESPONSES[name].shown_scale
         values = _at_place(dataset[f"{name}_rms"]).sel({other: OTHER_JOINT})
@@ -217,17 +226,15 @@ def _against_joint(dataset: xr.Dataset, joint: str) -> Figure:
             ax.axhline(scale * float(rigid.sel(speed=speed)), color=style["color"], linestyle="--", linewidth=0.8)
         ax.set(xlabel=_joint_label(joint), ylabel=f"RMS [{RESPONSES[name].shown_unit}]")
         _joint_axis(ax, "x")
-        low, high = ax.get_ylim()
-        if high - low < _FLATTEST * high:
-            ax.set_ylim((low + high - _FLATTEST * high) / 2, (low + high + _FLATTEST * high) / 2)
+        not_too_steep(ax)
     handles = [Line2D([], [], **s, label=f"{v:g} km/h") for v, s in zip(_SPEEDS, styles, strict=True)]
     dashed = Line2D([], [], color="0.4", linestyle="--", linewidth=0.8, label="traditional model")
-    _legend(figure, [*handles, dashed], "speed $v$")
+    legend(figure, [*handles, dashed], "speed $v$")
     return figure
 
 
 def _map(dataset: xr.Dataset) -> Figure:
-    figure = _figure(5.6)
+    figure = new_figure(5.6)
     x, y = dataset[PRIMARY].values, dataset[SECONDARY].values
     departures = {name: _departure(dataset, name) for name in _ALL}
     levels_of = {name: _widening(d.min(), d.max()) for name, d in departures.items()}
@@ -248,7 +255,7 @@ def _map(dataset: xr.Dataset) -> Figure:
         ax.set_title(f"{ax.get_title()}\n{percent(departure.min() / 100)} to {percent(departure.max() / 100)}")
     cross = Line2D([], [], color="black", marker="x", linestyle="none", markersize=6, label="the paper's vehicle")
     line = Line2D([], [], color="black", linewidth=0.7, label="as in the traditional model")
-    _legend(figure, [cross, line])
+    legend(figure, [cross, line])
     return figure
 
 
@@ -259,11 +266,11 @@ def _departure(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
 
 
 def _cumulative(dataset: xr.Dataset, dampers: xr.Dataset) -> Figure:
-    figure = _figure(4.9)
+    figure = new_figure(4.9)
     frequency = dataset["frequency"].values
     drawn: list[tuple[str, Mapping[str, float], Mapping[str, Any]]] = [
         (f"both joints {k:g} MN/m", dict.fromkeys(JOINTS, k), {"color": colour})
-        for k, colour in zip(dataset[PRIMARY].values, (_ORANGE, _BLUE, _GREEN), strict=True)
+        for k, colour in zip(dataset[PRIMARY].values, (ORANGE, BLUE, GREEN), strict=True)
     ]
     corners = dampers["corner_frequency"].sel(joint_stiffness=OTHER_JOINT).values
     for name, ax in _panels(figure, _ALL):
@@ -282,14 +289,14 @@ def _cumulative(dataset: xr.Dataset, dampers: xr.Dataset) -> Figure:
         ax.set_ylim(bottom=0)
     handles = [Line2D([], [], **style, label=label) for label, _, style in drawn]
     dotted = Line2D([], [], color="0.5", linestyle=":", linewidth=0.9, label="dampers' corners, 5 MN/m")
-    _legend(figure, [*handles, _rigid_handle(), dotted], columns=3)
+    legend(figure, [*handles, _rigid_handle(), dotted], columns=3)
     return figure
 
 
 def _dampers(dataset: xr.Dataset) -> Figure:
-    figure = _figure(5.0)
+    figure = new_figure(5.0)
     frequency, joints = dataset["frequency"].values, dataset["joint_stiffness"].values
-    styles = [{**style, "marker": None} for style in _family(len(joints))]
+    styles = [{**style, "marker": None} for style in family(len(joints))]
     shown = {
         "effective_damping": ("effective damping Im $D/\\omega$ [kN·s/m]", 1e-3),
         "dynamic_stiffness": ("dynamic stiffness Re $D$ [MN/m]", 1e-6),
@@ -316,23 +323,17 @@ def _dampers(dataset: xr.Dataset) -> Figure:
     circle = Line2D(
         [], [], color="0.4", marker="o", linestyle="none", markersize=4, markerfacecolor="white", label="corner"
     )
-    _legend(figure, [*handles, circle], "stiffness of each joint")
+    legend(figure, [*handles, circle], "stiffness of each joint")
     return figure
 
 
 # --- shared ----------------------------------------------------------------------------------------
 
 
-def _figure(height: float) -> Figure:
-    return Figure(figsize=(_WIDTH, height), layout=ConstrainedLayoutEngine(wspace=0.05, hspace=0.05))
-
-
 def _panels(figure: Figure, names: Sequence[str]) -> list[tuple[str, Axes]]:
-    axes = figure.subplots(-(-len(names) // 2), 2, squeeze=False).ravel()
-    for letter, name, ax in zip("abcd", names, axes, strict=False):
-        dimension = RESPONSES[name].dimension
-        ax.set_title(f"({letter}) {RESPONSES[name].long_name}, {DIMENSIONS[dimension].place(PLACES[dimension])}")
-    return list(zip(names, axes, strict=True))
+    places = [(RESPONSES[name], DIMENSIONS[RESPONSES[name].dimension]) for name in names]
+    titles = [f"{response.long_name}, {along.place(PLACES[response.dimension])}" for response, along in places]
+    return list(zip(names, panels(figure, titles), strict=True))
 
 
 def _at_place(values: xr.DataArray) -> xr.DataArray:
@@ -340,20 +341,15 @@ def _at_place(values: xr.DataArray) -> xr.DataArray:
 
 
 def _models() -> dict[str, dict[str, Any]]:
-    return {"traditional_": {"color": "black", "linestyle": "--", "zorder": 2.5}, "": {"color": _BLUE}}
+    return {"traditional_": {**TRADITIONAL, "zorder": 2.5}, "": {**WITH_JOINTS}}
 
 
 def _model_handles() -> list[Line2D]:
-    return [Line2D([], [], color=_BLUE, label="joints of 5 MN/m"), _rigid_handle()]
+    return [handle(WITH_JOINTS, "joints of 5 MN/m"), _rigid_handle()]
 
 
 def _rigid_handle() -> Line2D:
-    return Line2D([], [], color="black", linestyle="--", label="traditional model")
-
-
-def _family(size: int) -> list[dict[str, Any]]:
-    colours = colormaps["viridis"](np.linspace(0, 0.88, size))
-    return [{"color": colour, "marker": marker} for colour, marker in zip(colours, _MARKERS, strict=False)]
+    return handle(TRADITIONAL, "traditional model")
 
 
 def _joint_label(joint: str) -> str:
@@ -375,8 +371,3 @@ def _widening(least: float, most: float) -> list[float]:
     first = max((k for k, step in enumerate(steps) if step <= least), default=0)
     last = min((k for k, step in enumerate(steps) if step >= most), default=len(steps) - 1)
     return steps[first : last + 1]
-
-
-def _legend(figure: Figure, handles: Sequence[Line2D], title: str | None = None, columns: int | None = None) -> None:
-    # "outside": the layout makes room for it, so that it covers no panel
-    figure.legend(handles=handles, title=title, loc="outside lower center", ncols=columns or len(handles))
