@@ -17,7 +17,7 @@ from freqrail.band import Band
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.columns import reduce
 from freqrail.responses import RESPONSES
-from freqrail.solver import lags, quadrature
+from freqrail.solver import block_lags, block_quadrature
 from freqrail.study import Study, cells, cut
 
 JOINTS = np.geomspace(0.5e6, 100e6, 100)
@@ -39,7 +39,7 @@ def main() -> None:
     rule = rms.quadrature(shared.edges)
     blocks = [cut(study.vehicle, cell) for cell in cells(study.vehicle.shape, grid.BLOCK)]
     reduction = reduce(half_vehicle(), outputs()[:4], vars(study.vehicle))
-    places = lags.places_of(reduction, vars(study.vehicle), (0, 0))
+    places = block_lags.places_of(reduction, vars(study.vehicle), (0, 0))
 
     def old() -> dict:
         weighted = grid._weighted_nodes(study, (0, 0), rule)
@@ -47,9 +47,9 @@ def main() -> None:
 
     def new() -> dict:
         weighted = list(
-            lags.weighted_nodes(reduction, places, study.spectrum, rule, study.speed, study.limits, rms.NODES)
+            block_lags.weighted_nodes(reduction, places, study.spectrum, rule, study.speed, study.limits, rms.NODES)
         )
-        return [quadrature.mean_squares(reduction, vars(block), weighted, shared.lost) for block in blocks][-1]
+        return [block_quadrature.mean_squares(reduction, vars(block), weighted, shared.lost) for block in blocks][-1]
 
     times: dict[str, list[float]] = {"old": [], "new": []}
     for _ in range(5):

@@ -13,8 +13,8 @@ from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.blocks import blocks_of
 from freqrail.reduction.columns import Reduction, reduce
 from freqrail.response import chain_responses
+from freqrail.solver.block_response import column, parts_of, scalars, unsound
 from freqrail.solver.elimination import is_tree, order_of
-from freqrail.solver.response import column, parts_of, scalars, unsound
 
 OMEGA = np.geomspace(2 * np.pi * 0.05, 2 * np.pi * 400, 60)
 

@@ -16,7 +16,7 @@ from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.columns import reduce
 from freqrail.responses import RESPONSES
 from freqrail.rms import MeanSquare
-from freqrail.solver import lags, quadrature
+from freqrail.solver import block_lags, block_quadrature
 from freqrail.study import Study, cells, cut
 from freqrail.track import RationalSpectrum
 
@@ -36,8 +36,8 @@ def ours(plain: Plain, spectrum: RationalSpectrum, speed: np.ndarray) -> dict[st
     x = found.places(plain.values)
     edges = rms.panel_edges(BAND, poles_of(plain), float(np.ptp(x)) / speed.min())
     limits = np.repeat(BAND[:, None], speed.size, axis=1)
-    weighted = lags.weighted_nodes(found, x, spectrum, rms.quadrature(edges), speed, limits, 500)
-    return quadrature.mean_squares(found, plain.values, weighted)
+    weighted = block_lags.weighted_nodes(found, x, spectrum, rms.quadrature(edges), speed, limits, 500)
+    return block_quadrature.mean_squares(found, plain.values, weighted)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -74,9 +74,9 @@ def test_the_papers_grid_is_what_the_chains_give(paper_vehicle, german_low):
     )
     values = vars(study.vehicle)
     found = reduce(half_vehicle(), outputs(), values)
-    x = lags.places_of(found, values, (0, 0))
-    weighted = lags.weighted_nodes(found, x, german_low, rule, study.speed, study.limits, rms.NODES)
-    after = quadrature.mean_squares(found, values, weighted, shared.lost)
+    x = block_lags.places_of(found, values, (0, 0))
+    weighted = block_lags.weighted_nodes(found, x, german_low, rule, study.speed, study.limits, rms.NODES)
+    after = block_quadrature.mean_squares(found, values, weighted, shared.lost)
     for name in study.names:
         np.testing.assert_allclose(after[name].value, before[name].value, rtol=1e-12)
         # an estimate is the 1.5th power of a difference of two rules, which itself is rounded
@@ -87,12 +87,12 @@ def test_the_bits_of_a_value_do_not_depend_on_how_the_grid_is_cut(paper_vehicle,
     study = paper_study(paper_vehicle, german_low)
     rule = rms.quadrature(np.linspace(1.0, 300.0, 12))
     found = reduce(half_vehicle(), outputs(), vars(study.vehicle))
-    x = lags.places_of(found, vars(study.vehicle), (0, 0))
-    weighted = list(lags.weighted_nodes(found, x, german_low, rule, study.speed, study.limits, 60))
-    whole = quadrature.mean_squares(found, vars(study.vehicle), weighted)
+    x = block_lags.places_of(found, vars(study.vehicle), (0, 0))
+    weighted = list(block_lags.weighted_nodes(found, x, german_low, rule, study.speed, study.limits, 60))
+    whole = block_quadrature.mean_squares(found, vars(study.vehicle), weighted)
     for most in (1, 3, 8):
         for cell in cells(study.vehicle.shape, most):
-            part = quadrature.mean_squares(found, vars(cut(study.vehicle, cell)), weighted)
+            part = block_quadrature.mean_squares(found, vars(cut(study.vehicle, cell)), weighted)
             for name in study.names:
                 index = (slice(None), *cell)
                 np.testing.assert_array_equal(part[name].value, whole[name].value[index])
@@ -101,6 +101,8 @@ def test_the_bits_of_a_value_do_not_depend_on_how_the_grid_is_cut(paper_vehicle,
 
 def test_products_of_opposed_wheels_vanish_to_the_last_bit():
     """Wheels at x and -x have conjugate waves, so that a sum that is real by symmetry has no imaginary part."""
-    real, imaginary = lags.wheel_waves(lags.centred(np.array([9.1, 6.9, -6.9, -9.1]) + 4.0), np.geomspace(0.01, 90, 50))
+    real, imaginary = block_lags.wheel_waves(
+        block_lags.centred(np.array([9.1, 6.9, -6.9, -9.1]) + 4.0), np.geomspace(0.01, 90, 50)
+    )
     np.testing.assert_array_equal(imaginary[0] + imaginary[3], 0.0)
     np.testing.assert_array_equal(real[0], real[3])

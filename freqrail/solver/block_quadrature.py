@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from freqrail.model.elements import Values
 from freqrail.reduction.columns import Column, Reduction
 from freqrail.rms import CAUTION, ROUNDING, SPEEDS, TILE, MeanSquare, WeightedNodes
-from freqrail.solver.response import Number, Scalars, column, scalars, unsound
+from freqrail.solver.block_response import Number, Scalars, column, scalars, unsound
 
 Array = NDArray[np.float64]
 
