@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 import freqrail
-from freqrail.timedomain import Point
-from freqrail.usual_run import plain_run
+from freqrail.confirm.time_side import OperatingPoint
+from freqrail.confirm.usual_run import plain_run
 
 LIMITS, DURATION = (0.1, 90.0), 20.0  # Hz; s
 STEP, FINE = 0.005, 0.001  # s between samples of the track
@@ -36,7 +36,7 @@ VARIANTS = {
 
 def main() -> None:
     case = freqrail.load_case("yu-damper-joint")
-    point = Point(case.vehicle, case.speed, case.spectrum, "study")
+    point = OperatingPoint(case.vehicle, case.speed, case.spectrum, "study")
     runs = {}
     for name, options in VARIANTS.items():
         time, responses, exact = plain_run(point, LIMITS, DURATION, **options)
@@ -50,7 +50,7 @@ def main() -> None:
     draw(runs, exact)
 
 
-def spread(point: Point) -> list[str]:
+def spread(point: OperatingPoint) -> list[str]:
     """How much of it is chance: the start strikes the harder the higher the track happens to be at t = 0."""
     ratios = []
     for seed in range(6):

@@ -5,9 +5,8 @@
 >>> result.bogie_acceleration_rms.sel(speed=250, primary_joint_stiffness=5, bogie="front").dims
 ('secondary_joint_stiffness',)
 
-The flow of a study is the order of the modules: case -> vehicle, track -> response -> rms -> grid ->
-dataset -> storage -> figures; `cli` puts commands on top. Beside it stands the time domain, which shares only the
-model: realisation -> integrators -> timedomain -> confirmation.
+The folders are in the order of dependence, from the physics to the commands: model, reduction, case, solver, result,
+sweep, confirm, figures, replication, cli. docs/architecture.md says what each is for.
 """
 
 from __future__ import annotations
@@ -15,19 +14,26 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+import freqrail.confirm
+import freqrail.sweep  # noqa: F401
 from freqrail.version import __version__
+
+# The functions `confirm` and `sweep` bear the names of folders. Importing a folder binds its name here once, the first
+# time: that is done above, and undone, so that no later import puts a folder in the place of a function.
+for _folder in ("confirm", "freqrail", "sweep"):
+    del globals()[_folder]
 
 # Public names and the modules that hold them; loaded on first use, so that `freqrail --help` and
 # `import freqrail` cost nothing.
 _PUBLIC = {
-    "load_case": "case",
-    "shipped_cases": "shipped",
-    "sweep": "campaign",
-    "confirm": "confirmation",
-    "open_result": "storage",
-    "write_result": "storage",
-    "modes": "modal",
-    "plot": "figures",
+    "load_case": "case.case",
+    "shipped_cases": "case.shipped",
+    "sweep": "sweep.sweep",
+    "confirm": "confirm.confirm",
+    "open_result": "result.netcdf",
+    "write_result": "result.netcdf",
+    "modes": "solver.modes",
+    "plot": "figures.plot",
     "replicate": "replication.folder",
     "FreqrailError": "errors",
     "FreqrailWarning": "errors",
@@ -49,20 +55,21 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from freqrail.campaign import sweep
-    from freqrail.case import load_case
-    from freqrail.confirmation import confirm
+    from freqrail.case.case import load_case
+    from freqrail.case.shipped import shipped_cases
+    from freqrail.confirm.confirm import confirm
     from freqrail.errors import FreqrailError, FreqrailWarning
-    from freqrail.figures import plot
-    from freqrail.modal import modes
+    from freqrail.figures.plot import plot
     from freqrail.replication.folder import replicate
-    from freqrail.shipped import shipped_cases
-    from freqrail.storage import open_result, write_result
+    from freqrail.result.netcdf import open_result, write_result
+    from freqrail.solver.modes import modes
+    from freqrail.sweep.sweep import sweep
 
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
-        return getattr(importlib.import_module(f"freqrail.{_PUBLIC[name]}"), name)
+        globals()[name] = found = getattr(importlib.import_module(f"freqrail.{_PUBLIC[name]}"), name)
+        return found
     raise AttributeError(f"module 'freqrail' has no attribute {name!r}")
 
 

@@ -1,5 +1,5 @@
 """`python -m freqrail`, the same as `freqrail`."""
 
-from freqrail.cli import main
+from freqrail.cli.commands import main
 
 main()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import freqrail
-from freqrail.case import Case
-from freqrail.track import GERMAN_CUTOFFS, RationalSpectrum
-from freqrail.vehicle import Vehicle
+from freqrail.case.case import Case
+from freqrail.model.spectrum import GERMAN_CUTOFFS, RationalSpectrum
+from freqrail.model.vehicle import Vehicle
 
 
 @pytest.fixture(scope="session")

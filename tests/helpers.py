@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from independent import density, lagged, lags, outputs_of, read_off, reference_nodes, whole_axis_rms
 
-from freqrail.response import chain_responses, system_response, track_response
-from freqrail.responses import RESPONSES
-from freqrail.track import RationalSpectrum
-from freqrail.vehicle import DEGREES_OF_FREEDOM, Vehicle, half_vehicle, state_space
+from freqrail.model.equations import state_space, system_response
+from freqrail.model.responses import RESPONSES
+from freqrail.model.spectrum import RationalSpectrum
+from freqrail.model.vehicle import DEGREES_OF_FREEDOM, Vehicle, half_vehicle
+from freqrail.reduction.chain_columns import track_response
+from freqrail.reduction.chains import chain_responses
+from tests.independent import density, lagged, lags, outputs_of, read_off, reference_nodes, whole_axis_rms
 
 INDEX = {name: place for place, name in enumerate(DEGREES_OF_FREEDOM)}
 PAPER_NAMES = tuple(RESPONSES)[:4]

@@ -21,11 +21,14 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from test_case import ACCEPTED, FAULTS, PLAIN, UNREADABLE, put
 
 import freqrail
-from freqrail import cli, figures, grid, untrusted
-from freqrail.cli import run
+from freqrail.cli import commands
+from freqrail.cli.commands import run
+from freqrail.figures import plot
+from freqrail.result import sandbox
+from freqrail.solver import solve
+from tests.case.test_case import ACCEPTED, FAULTS, PLAIN, UNREADABLE, put
 
 OLD = b"an output file of another day"
 SMALL = {
@@ -283,8 +286,8 @@ def test_bad_usage_is_one_line_and_exit_2(row, here, intact, capsys, monkeypatch
     def computes(*_: object) -> None:
         raise AssertionError("computing began before the fault was found")
 
-    monkeypatch.setattr(grid, "solve", computes)
-    monkeypatch.setattr(figures, "plot", computes)
+    monkeypatch.setattr(solve, "solve", computes)
+    monkeypatch.setattr(plot, "plot", computes)
     shutil.copy(intact, "intact.nc")
     Path("old.nc").write_bytes(OLD)
     Path("case.nc").write_text(PLAIN)
@@ -401,7 +404,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("command", [["replicate", "--quick"], ["plot", "intact.nc"]], ids=lambda words: words[0])
 def test_a_folder_with_a_user_s_pictures_is_left_alone(command, here, intact, capsys, monkeypatch):
-    monkeypatch.delattr(grid, "solve")
+    monkeypatch.delattr(solve, "solve")
     shutil.copy(intact, "intact.nc")
     Path("mine").mkdir()
     for name in ("thesis-figure.png", "logo.svg"):
@@ -414,7 +417,7 @@ def test_a_folder_with_a_user_s_pictures_is_left_alone(command, here, intact, ca
 def test_a_folder_of_plot_is_none_of_replicate_s(here, intact, capsys, monkeypatch):
     assert run(["plot", str(intact), "-o", "figures"]) == 0
     capsys.readouterr()
-    monkeypatch.delattr(grid, "solve")
+    monkeypatch.delattr(solve, "solve")
     before = contents(here)
     refuses(["replicate", "-o", "figures"], 2, "figures: is a folder of another command (freqrail plot)", capsys)
     assert contents(here) == before
@@ -458,7 +461,7 @@ def test_a_read_only_output_folder_is_found_before_computing(here):
 
 @pytest.mark.parametrize("folder", ["none/deeper", "file"])
 def test_a_missing_output_folder_is_found_before_computing(folder, here, capsys, monkeypatch):
-    monkeypatch.delattr(grid, "solve")
+    monkeypatch.delattr(solve, "solve")
     Path("file").touch()
     refuses([*SWEEP, "-o", f"{folder}/out.nc"], 4, f"{folder}: ", capsys)
     assert [path.name for path in here.iterdir()] == ["file"]
@@ -670,20 +673,20 @@ def test_check_reads_in_a_child_and_says_what_the_child_found(here, intact, caps
 )
 def test_a_file_that_does_it_to_the_library_does_not_do_it_to_the_command(program, words, here, capsys, monkeypatch):
     Path("evil.nc").write_bytes(OLD)
-    monkeypatch.setattr(untrusted, "COMMAND", program)
-    monkeypatch.setattr(untrusted, "SECONDS", 1.0)
+    monkeypatch.setattr(sandbox, "COMMAND", program)
+    monkeypatch.setattr(sandbox, "SECONDS", 1.0)
     refuses(["show", "evil.nc", "--check"], 2, f"evil.nc: {words}", capsys)
 
 
 def test_the_child_has_a_limit_on_its_memory(here, capsys, monkeypatch):
     """So that a file which makes the library ask for everything takes nothing from the others on the machine."""
     program = (
-        "import freqrail.points\n"
+        "import freqrail.result.points\n"
         "def read_result(path): return bytearray(10**10)\n"
-        "freqrail.points.read_result = read_result\n"
-        "from freqrail.untrusted import child; child()"
+        "freqrail.result.points.read_result = read_result\n"
+        "from freqrail.result.sandbox import child; child()"
     )
-    monkeypatch.setattr(untrusted, "COMMAND", program)
+    monkeypatch.setattr(sandbox, "COMMAND", program)
     Path("large.nc").write_bytes(OLD)
     refuses(["show", "large.nc", "--check"], 2, "damaged: reading it ended without an answer", capsys)
 
@@ -758,7 +761,7 @@ def test_plots_say_on_a_terminal_how_far_they_are(here, intact, capsys, monkeypa
         asked.append((label, total))
         yield steps.append
 
-    monkeypatch.setattr(cli, "progress", progress)
+    monkeypatch.setattr(commands, "progress", progress)
     shutil.copy(intact, "intact.nc")
     assert run(["plot", "intact.nc"]) == 0
     paths = capsys.readouterr().out.splitlines()

@@ -11,19 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from extremes import check as checking
-from extremes import forty_digits
-from extremes.check import check
-from extremes.draws import GERMAN_LOW, KNOWN, PLAUSIBLE, Draw, draw
 from mpmath import cbrt, exp, linspace, mp, mpc, mpf, quad
 
-from freqrail import grid
-from freqrail import solution as the_solution
-from freqrail.band import Band
-from freqrail.responses import RESPONSES
-from freqrail.study import Study
-from freqrail.track import RationalSpectrum
-from freqrail.vehicle import Vehicle
+from freqrail.model.band import Band
+from freqrail.model.responses import RESPONSES
+from freqrail.model.spectrum import RationalSpectrum
+from freqrail.model.vehicle import Vehicle
+from freqrail.solver import solution as the_solution
+from freqrail.solver import solve
+from freqrail.solver.problem import Problem
+from tests.extremes import check as checking
+from tests.extremes import forty_digits
+from tests.extremes.check import check
+from tests.extremes.draws import GERMAN_LOW, KNOWN, PLAUSIBLE, Draw, draw
 
 WHOLE_AXIS = json.loads((Path(__file__).parent / "reference" / "whole_axis.json").read_text())
 SPEED = 250 / 3.6
@@ -187,7 +187,7 @@ def test_at_the_corners_of_a_wide_range_the_kernel_neither_raises_nor_hangs(seed
     spectrum = RationalSpectrum("rational", 4.032e-7, (0.0206 * 10.0 ** rng.choice([-6, 0]), 0.8246))
     speeds = np.array([1e-3 / 3.6, 600 / 3.6])
     start = time.process_time()
-    solution = grid.solve(Study(Vehicle(**vehicle), speeds, spectrum, band, tuple(RESPONSES)))
+    solution = solve.solve(Problem(Vehicle(**vehicle), speeds, spectrum, band, tuple(RESPONSES)))
     assert time.process_time() - start < 60
     for name, values in solution.rms.items():
         given = np.isfinite(values)
@@ -199,7 +199,7 @@ def test_a_spring_of_nothing_without_a_damper_ends():
     """It hung for minutes: a pole at zero kept the panels from leaving it."""
     vehicle = Vehicle(**PLAUSIBLE | {"secondary_stiffness": 1e-300, "secondary_damping": 0.0, "primary_damping": 0.0})
     for damping in (0.0, 17e3):
-        study = Study(
+        study = Problem(
             replace(vehicle, primary_damping=damping),
             np.array([SPEED]),
             RationalSpectrum("german-low", GERMAN_LOW[0], GERMAN_LOW[1:]),
@@ -207,6 +207,6 @@ def test_a_spring_of_nothing_without_a_damper_ends():
             tuple(RESPONSES),
         )
         start = time.process_time()
-        solution = grid.solve(study)
+        solution = solve.solve(study)
         assert time.process_time() - start < 20
         assert solution.status[0] != 0

@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 import freqrail
-from freqrail import cli, files, grid, storage
+from freqrail import files
+from freqrail.cli import commands
 from freqrail.errors import FileError
+from freqrail.result import netcdf
+from freqrail.solver import solve
 
 SWEEP = ["sweep", "yu-damper-joint", "--over", "speed=250 km/h", "-o", "o.nc"]
 PRECIOUS = b"years of work"
@@ -32,7 +35,7 @@ def here(tmp_path, monkeypatch):
     ],
 )
 def test_what_stands_in_the_way_is_left_alone_and_found_before_computing(beside, planted, here, capsys, monkeypatch):
-    monkeypatch.delattr(grid, "solve")
+    monkeypatch.delattr(solve, "solve")
     Path("precious").write_bytes(PRECIOUS)
     if planted == "file":
         Path(beside).write_bytes(PRECIOUS)
@@ -40,7 +43,7 @@ def test_what_stands_in_the_way_is_left_alone_and_found_before_computing(beside,
         os.mkfifo(beside)
     else:
         os.symlink("precious" if planted == "link" else "nowhere", beside)
-    assert cli.run(SWEEP) == 4
+    assert commands.run(SWEEP) == 4
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"freqrail: error: {beside}: is in the way")
     assert Path("precious").read_bytes() == PRECIOUS
@@ -52,13 +55,13 @@ def test_what_stands_in_the_way_is_left_alone_and_found_before_computing(beside,
 
 def test_a_link_at_the_temporary_name_of_a_figure_is_not_followed(here, capsys):
     result = freqrail.write_result(freqrail.sweep("yu-damper-joint", {"speed": "200, 250 km/h"}), "r.nc")
-    assert cli.run(["plot", str(result), "-o", "figures"]) == 0
+    assert commands.run(["plot", str(result), "-o", "figures"]) == 0
     capsys.readouterr()
     figure = sorted(Path("figures").glob("*.png"))[0]
     before = figure.read_bytes()
     Path("precious").write_bytes(PRECIOUS)
     Path("figures", f".{figure.name}.partial").symlink_to("../precious")
-    assert cli.run(["plot", str(result), "-o", "figures"]) == 2
+    assert commands.run(["plot", str(result), "-o", "figures"]) == 2
     assert Path("precious").read_bytes() == PRECIOUS
     assert figure.read_bytes() == before
     with pytest.raises(FileError, match="is in the way"), files.replacing(figure):
@@ -69,14 +72,14 @@ def test_what_a_killed_run_left_is_cleared(here):
     left = Path(".o.nc.partial")
     left.mkdir()
     (left / "unfinished.nc").write_bytes(b"half a file")
-    assert cli.run(SWEEP) == 0
+    assert commands.run(SWEEP) == 0
     assert os.listdir() == ["o.nc"]
 
 
 def test_a_folder_at_the_temporary_name_that_holds_anything_else_is_not(here, capsys):
     Path(".o.nc.partial").mkdir()
     Path(".o.nc.partial", "thesis.tex").write_bytes(PRECIOUS)
-    assert cli.run(SWEEP) == 4
+    assert commands.run(SWEEP) == 4
     assert Path(".o.nc.partial", "thesis.tex").read_bytes() == PRECIOUS
 
 
@@ -98,6 +101,6 @@ def test_a_file_is_whole_or_what_it_was(here):
 
 
 def test_the_target_has_the_rights_that_any_new_file_has(here):
-    storage.write_result(freqrail.sweep("yu-damper-joint", {"speed": "250 km/h"}), "o.nc")
+    netcdf.write_result(freqrail.sweep("yu-damper-joint", {"speed": "250 km/h"}), "o.nc")
     Path("other").touch()
     assert Path("o.nc").stat().st_mode == Path("other").stat().st_mode

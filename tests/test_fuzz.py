@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 
-from fuzz import cases, extremes, files
-
-from freqrail import quantities
+from freqrail.case import quantities
 from freqrail.errors import InputError
+from tests.fuzz import cases, extremes, files
 
 
 def test_changed_case_files_and_options_are_refused_or_read_right():
@@ -38,7 +37,7 @@ def test_a_number_read_wrong_is_a_fault(monkeypatch):
         factor, dimension = right(unit)
         return (factor * 1_000_001 / 1_000_000 if unit == "km/h" else factor), dimension
 
-    monkeypatch.setattr("freqrail.quantities.unit_factor", wrong)
+    monkeypatch.setattr("freqrail.case.quantities.unit_factor", wrong)
     _, faults = cases.fuzz(5, seed=11)
     assert any("speed: " in fault and " read as " in fault for fault in faults)
 
@@ -60,7 +59,7 @@ def test_a_traceback_and_a_hang_are_faults(monkeypatch):
 # a reader that takes file 0 for another, stumbles over file 1, crashes on file 2 and never comes back from file 3
 FAULTY = """
 import itertools, os, sys, time
-from fuzz import files
+from tests.fuzz import files
 read, numbers = files.open_result, itertools.count(int(sys.argv[3]))
 acts = [
     lambda path: read(path.with_name("other.nc")),

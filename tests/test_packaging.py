@@ -71,8 +71,8 @@ def test_the_wheel_works_by_itself(built, tmp_path):
     environment = os.environ | {"PYTHONPATH": str(place)}
     for code, expected in (
         ("import freqrail; print(freqrail.__file__)", str(place / "freqrail" / "__init__.py")),
-        ("from freqrail.cli import run; run(['cases'])", "yu-damper-joint  Half vehicle"),
-        ("from freqrail.cli import run; run(['show', 'yu-damper-joint'])", "static wheel load"),
+        ("from freqrail.cli.commands import run; run(['cases'])", "yu-damper-joint  Half vehicle"),
+        ("from freqrail.cli.commands import run; run(['show', 'yu-damper-joint'])", "static wheel load"),
     ):
         done = subprocess.run(
             [sys.executable, "-P", "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True,

@@ -9,18 +9,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import ALL_NAMES, INDEX, random_vehicle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import freqrail
-from freqrail import grid, solution
-from freqrail.band import Band
-from freqrail.response import chain_responses, system_response, track_response
-from freqrail.responses import RESPONSES
-from freqrail.study import Study, cells
-from freqrail.track import RationalSpectrum
-from freqrail.vehicle import Vehicle, half_vehicle, poles
+from freqrail.model.band import Band
+from freqrail.model.equations import system_response
+from freqrail.model.responses import RESPONSES
+from freqrail.model.spectrum import RationalSpectrum
+from freqrail.model.vehicle import Vehicle, half_vehicle
+from freqrail.reduction.chain_columns import track_response
+from freqrail.reduction.chains import chain_responses, poles
+from freqrail.solver import solution
+from freqrail.solver import solve as solver_solve
+from freqrail.solver.problem import Problem, cells
+from tests.helpers import ALL_NAMES, INDEX, random_vehicle
 
 EXAMPLES = settings(deadline=None, derandomize=True, database=None, max_examples=15)
 FEW = settings(EXAMPLES, max_examples=8)
@@ -41,7 +44,7 @@ bands = st.sampled_from(BANDS)
 
 
 def solve(vehicle: Vehicle, speed: object, band: Band | None, track: RationalSpectrum = TRACK, **options: int):
-    return grid.solve(Study(vehicle, np.atleast_1d(speed), track, band, ALL_NAMES), **options)
+    return solver_solve.solve(Problem(vehicle, np.atleast_1d(speed), track, band, ALL_NAMES), **options)
 
 
 def same_bits(one: solution.Solution, other: solution.Solution) -> bool:
@@ -190,8 +193,8 @@ def test_values_of_an_axis_in_another_order_give_the_same_bits_in_that_order(veh
 
 def in_blocks(vehicle: Vehicle, band: Band | None, block: int, jobs: int) -> solution.Solution:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(grid, "BLOCK", block)
-        patch.setattr(grid, "CLOSED_FORM_BLOCK", 2 * block)
+        patch.setattr(solver_solve, "BLOCK", block)
+        patch.setattr(solver_solve, "CLOSED_FORM_BLOCK", 2 * block)
         return solve(vehicle, [30.0, 60.0], band, jobs=jobs)
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import freqrail
-from freqrail import storage
 from freqrail.errors import FileError
+from freqrail.result import netcdf
 
 # As on Windows: the modules and functions that it lacks are not there, a folder cannot be opened, and only a file open
 # for writing is flushed.
@@ -45,7 +45,7 @@ def fsync(handle):
 
 os.open, os.fsync = open_, fsync
 """
-RUN = "from freqrail.cli import run\nfor arguments in {commands}:\n    print(run(arguments), 'fcntl' in sys.modules)\n"
+RUN = "from freqrail.cli.commands import run\nfor arguments in {commands}:\n    print(run(arguments), 'fcntl' in sys.modules)\n"
 SWEEP = ["sweep", "yu-damper-joint", "--over", "speed=200 km/h", "--over", "primary_joint_stiffness=5 MN/m"]
 
 
@@ -86,8 +86,8 @@ def test_every_command_runs_where_there_is_no_fcntl(tmp_path):
 
 def test_a_second_writer_is_turned_away_without_fcntl_too(tmp_path):
     code = (
-        "from pathlib import Path\nfrom freqrail import storage\nfrom freqrail.cli import run\n"
-        f"with storage.lock(Path('o.nc')):\n    print(run({[*SWEEP, '-o', 'o.nc']}))\n"
+        "from pathlib import Path\nfrom freqrail.result import netcdf\nfrom freqrail.cli.commands import run\n"
+        f"with netcdf.lock(Path('o.nc')):\n    print(run({[*SWEEP, '-o', 'o.nc']}))\n"
         f"print(run({[*SWEEP, '-o', 'o.nc']}))\n"
     )
     done = run_without_fcntl(code, tmp_path)
@@ -102,13 +102,13 @@ def test_a_lock_that_cannot_be_made_is_told(tmp_path):
     victim = tmp_path / "victim"
     victim.write_text("kept")
     (tmp_path / ".o.nc.lock").symlink_to(victim)
-    with pytest.raises(FileError, match=r"\.o\.nc\.lock: is in the way of the lock"), storage.lock(tmp_path / "o.nc"):
+    with pytest.raises(FileError, match=r"\.o\.nc\.lock: is in the way of the lock"), netcdf.lock(tmp_path / "o.nc"):
         pass
     assert victim.read_text() == "kept"
 
 
 def test_a_lock_leaves_nothing_behind(tmp_path):
-    with storage.lock(tmp_path / "o.nc"):
+    with netcdf.lock(tmp_path / "o.nc"):
         assert [path.name for path in tmp_path.iterdir()] == [".o.nc.lock"]
     assert list(tmp_path.iterdir()) == []
 
@@ -126,7 +126,7 @@ def test_a_broken_pint_is_told_and_no_unit_is_blamed(broken, words, tmp_path):
     (tmp_path / "old" / "pint").mkdir(parents=True)
     (tmp_path / "old" / "pint" / "__init__.py").write_text("from math import foo\n")
     for arguments in (["show", "yu-damper-joint"], [*SWEEP, "--dry-run"]):
-        code = f"import sys\n{broken}\nfrom freqrail.cli import run\nsys.exit(run({arguments}))"
+        code = f"import sys\n{broken}\nfrom freqrail.cli.commands import run\nsys.exit(run({arguments}))"
         done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60)
         assert done.returncode == 4
         (line,) = done.stderr.splitlines()

@@ -15,7 +15,8 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from freqrail.names import JOINTS
+from freqrail.case.parameters import JOINTS
+from freqrail.model.responses import RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.judging import (
     PLACES,
@@ -44,7 +45,6 @@ from freqrail.replication.judging import (
 from freqrail.replication.quotations import QUOTATIONS
 from freqrail.replication.thresholds import CHOSEN, Thresholds
 from freqrail.replication.words import extent, extreme, percent, whole
-from freqrail.responses import RESPONSES
 
 PAPER_SPEED = 250.0  # km/h
 PAPER_POINT = {"speed": PAPER_SPEED, **dict.fromkeys(JOINTS, judging.OTHER_JOINT)}

@@ -22,7 +22,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
-from freqrail.figure_style import (
+from freqrail.case.parameters import JOINTS, PARAMETERS
+from freqrail.figures.style import (
     BLUE,
     GREEN,
     ORANGE,
@@ -38,7 +39,7 @@ from freqrail.figure_style import (
     panels,
     save,
 )
-from freqrail.names import JOINTS, PARAMETERS
+from freqrail.model.responses import DIMENSIONS, RESPONSES
 from freqrail.replication.claims import (
     BOGIE,
     CAR,
@@ -51,7 +52,6 @@ from freqrail.replication.claims import (
 )
 from freqrail.replication.judging import OTHER_JOINT, PLACES
 from freqrail.replication.words import percent
-from freqrail.responses import DIMENSIONS, RESPONSES
 from freqrail.types import Progress
 
 FORMATS = ("svg", "png")

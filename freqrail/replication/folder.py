@@ -10,7 +10,6 @@ from pathlib import Path
 
 import xarray as xr
 
-from freqrail import manifest
 from freqrail.errors import FileError, InputError
 from freqrail.replication import document, studies, time_variations, variations
 from freqrail.replication.claims import judge_all
@@ -20,7 +19,8 @@ from freqrail.replication.mechanism import mechanism
 from freqrail.replication.report import compose
 from freqrail.replication.standing import standings
 from freqrail.replication.variations import Variation
-from freqrail.storage import write_result
+from freqrail.result import manifest
+from freqrail.result.netcdf import write_result
 from freqrail.types import Progress
 
 FOLDER = Path("results", studies.CASE)

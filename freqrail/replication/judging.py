@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import xarray as xr
 
-from freqrail.names import JOINTS
+from freqrail.case.parameters import JOINTS
 from freqrail.replication.thresholds import CHOSEN, Thresholds
 from freqrail.replication.words import at_speed, extent, extreme, percent, place, where, whole
 

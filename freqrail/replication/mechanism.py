@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from freqrail import grid
-from freqrail.band import Band, band_limits
-from freqrail.case import Case
-from freqrail.modal import Mode, modes
+from freqrail.case.case import Case
+from freqrail.model.band import Band, band_limits
+from freqrail.model.spectrum import frequency_psd
+from freqrail.model.vehicle import Vehicle
 from freqrail.replication.claims import BOGIE, CAR, PAPER_POINT, PAPER_SPEED, PRIMARY, RESPONSE_NAMES
 from freqrail.replication.judging import OTHER_JOINT, PLACES, read, scan
 from freqrail.replication.yielding_rail import TYPICAL, Rail, response_rms, wheel_resonance
-from freqrail.study import Study
-from freqrail.track import frequency_psd
-from freqrail.vehicle import Vehicle
+from freqrail.solver import solve
+from freqrail.solver.modes import Mode, modes
+from freqrail.solver.problem import Problem
 
 NO_WHEELBASE = 1e-6  # m; what the bogie frame's bounce has of the wheelbase is the lag between its wheels alone
 
@@ -117,7 +117,7 @@ def stiffening(exact: xr.Dataset, case: Case) -> Stiffening:
     place = exact["car_position"].values.tolist().index(PLACES["car_position"])
     speed = np.array([PAPER_SPEED / 3.6])
     springs, plain = (
-        float(grid.solve(Study(each, speed, case.spectrum, case.band, (CAR,))).rms[CAR][place, 0])
+        float(solve.solve(Problem(each, speed, case.spectrum, case.band, (CAR,))).rms[CAR][place, 0])
         for each in (stiffer, rigid)
     )
     car = float(read(exact, CAR).departure.sel(PAPER_POINT))
@@ -151,9 +151,9 @@ def wheelbase_filter(exact: xr.Dataset, case: Case, joint: float) -> Filter:
     place = exact["bogie"].values.tolist().index(PLACES["bogie"])
     speeds = exact["speed"].values / 3.6
     with_joint, rigid = (
-        grid.solve(Study(replace(each, half_wheelbase=NO_WHEELBASE), speeds, case.spectrum, case.band, (BOGIE,))).rms[
-            BOGIE
-        ][place]
+        solve.solve(
+            Problem(replace(each, half_wheelbase=NO_WHEELBASE), speeds, case.spectrum, case.band, (BOGIE,))
+        ).rms[BOGIE][place]
         for each in (vehicle, vehicle.traditional())
     )
     least = float(departure["speed"].values[np.argmin(departure.values)])

@@ -15,12 +15,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail import rms
-from freqrail.band import Band, band_limits
-from freqrail.response import wheel_lags
-from freqrail.timedomain import readout
-from freqrail.track import Spectrum, angular_psd, singular_points
-from freqrail.vehicle import StateSpace, Vehicle, half_vehicle, state_space
+from freqrail.confirm.time_side import readout
+from freqrail.model.band import Band, band_limits
+from freqrail.model.equations import StateSpace, state_space
+from freqrail.model.inputs import wheel_lags
+from freqrail.model.spectrum import Spectrum, angular_psd, singular_points
+from freqrail.model.vehicle import Vehicle, half_vehicle
+from freqrail.solver import quadrature
 
 Signs = tuple[tuple[str, str], ...]
 """(leg, freedom): whose damper force has the wrong sign in whose equation."""
@@ -97,7 +98,7 @@ def response_rms(
     limits = band_limits(band, speed)
     longest = float(wheel_lags(vehicle, speed.min())[-1])
     everything = np.concatenate([poles, singular_points(spectrum, speed)])
-    rule = rms.quadrature(rms.panel_edges(np.unique(limits), everything, longest))
+    rule = quadrature.quadrature(quadrature.panel_edges(np.unique(limits), everything, longest))
     resolvent = 1j * rule.omega[:, None, None] * np.eye(len(model.a)) - model.a
     transfer = rows @ np.linalg.solve(resolvent, np.broadcast_to(model.b, (rule.omega.size, *model.b.shape)))
     result = np.empty((len(rows), speed.size))

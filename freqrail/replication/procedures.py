@@ -15,13 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import RK45
 
-from freqrail.integrators import exponential_recurrence, newmark_recurrence
-from freqrail.realisation import Track, basis_polynomials, fixed_amplitudes, sampled_track, spectral_lines, stream
-from freqrail.response import wheel_lags
-from freqrail.timedomain import readout
-from freqrail.track import Spectrum
+from freqrail.confirm.integrators import exponential_recurrence, newmark_recurrence
+from freqrail.confirm.time_side import readout
+from freqrail.confirm.track_record import (
+    Track,
+    basis_polynomials,
+    fixed_amplitudes,
+    sampled_track,
+    spectral_lines,
+    stream,
+)
+from freqrail.model.equations import StateSpace, state_space
+from freqrail.model.inputs import wheel_lags
+from freqrail.model.spectrum import Spectrum
+from freqrail.model.vehicle import Vehicle, half_vehicle
 from freqrail.types import SecondsProgress
-from freqrail.vehicle import StateSpace, Vehicle, half_vehicle, state_space
 
 DURATION = 20.0  # s, section VI
 SAMPLE = 1e-3  # s between samples of the track; the paper does not say

@@ -12,7 +12,11 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from freqrail.names import JOINTS
+from freqrail.case.parameters import JOINTS
+from freqrail.cli.tables import largest_error, number
+from freqrail.model.responses import RESPONSES
+from freqrail.model.vehicle import Vehicle
+from freqrail.reduction.chains import poles
 from freqrail.replication import judging
 from freqrail.replication.claims import CLAIMS, PAPER_POINT, PRIMARY, RESPONSE_NAMES, Claim
 from freqrail.replication.contradictions import contradictions
@@ -27,9 +31,6 @@ from freqrail.replication.studies import TABLE_I
 from freqrail.replication.thresholds import CHOSEN, KNIFE_EDGE, MEANING, PLAUSIBLE
 from freqrail.replication.unjudged import unjudged
 from freqrail.replication.variations import Variation
-from freqrail.responses import RESPONSES
-from freqrail.summary import largest_error, number
-from freqrail.vehicle import Vehicle, poles
 
 _PAPER = (
     'Y. Yu, Y. Song, L. Zhao, C. Zhou, "Numerical Investigation on Train Vertical Dynamics with Damper Rubber Joint '

@@ -15,18 +15,21 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail.band import band_limits
-from freqrail.campaign import sweep
-from freqrail.case import Case, load_case
-from freqrail.dataset import attributes, position_coordinates
-from freqrail.names import JOINTS
-from freqrail.realisation import fixed_amplitudes, spectral_lines, stream
+from freqrail.case.case import Case, load_case
+from freqrail.case.parameters import JOINTS
+from freqrail.confirm.track_record import fixed_amplitudes, spectral_lines, stream
+from freqrail.model.band import band_limits
+from freqrail.model.equations import leg_dynamic_stiffness
+from freqrail.model.inputs import wheel_lags
+from freqrail.model.responses import PREFIXES, RESPONSES
+from freqrail.model.vehicle import Vehicle
+from freqrail.reduction.chain_columns import track_response
+from freqrail.reduction.chains import STAGES, chain_responses
 from freqrail.replication.claims import PAPER_POINT, PAPER_SPEED
 from freqrail.replication.judging import OTHER_JOINT
-from freqrail.response import STAGES, chain_responses, track_response, wheel_lags
-from freqrail.responses import PREFIXES, RESPONSES
+from freqrail.result.labels import attributes, position_coordinates
+from freqrail.sweep.sweep import sweep
 from freqrail.types import Progress
-from freqrail.vehicle import Vehicle, leg_dynamic_stiffness
 
 CASE = "yu-damper-joint"
 TABLE_I = (0.5, 1.0, 5.0, 10.0, 50.0, 100.0)  # MN/m

@@ -13,14 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail.band import Band, band_limits
-from freqrail.case import Case
-from freqrail.names import JOINTS
+from freqrail.case.case import Case
+from freqrail.case.parameters import JOINTS
+from freqrail.model.band import Band, band_limits
+from freqrail.model.responses import PAPER, RESPONSES, series_count
 from freqrail.replication.claims import BOGIE, CAR, RESPONSE_NAMES, judge_all
 from freqrail.replication.judging import OTHER_JOINT, Finding
 from freqrail.replication.procedures import DURATION, Procedure, run
 from freqrail.replication.variations import Variation, relabelled
-from freqrail.responses import PAPER, RESPONSES, series_count
 from freqrail.types import SecondsProgress
 
 SPEEDS = (100.0, 120.0, 150.0, 180.0, 200.0, 220.0, 250.0, 280.0, 300.0)  # km/h

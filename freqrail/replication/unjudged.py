@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from freqrail.model.responses import RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.claims import (
     CLAIMS,
@@ -22,7 +23,6 @@ from freqrail.replication.document import Block, Bullets, Heading
 from freqrail.replication.judging import PLACES, grows_with_speed, more_at_low_speed
 from freqrail.replication.thresholds import CHOSEN
 from freqrail.replication.words import percent, whole
-from freqrail.responses import RESPONSES
 
 TITLE = "What the claims leave out"
 

@@ -16,18 +16,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail.band import Band
-from freqrail.campaign import sweep
-from freqrail.case import Case
+from freqrail.case.case import Case
+from freqrail.case.parameters import JOINTS
 from freqrail.errors import FreqrailWarning
-from freqrail.names import JOINTS
+from freqrail.model.band import Band
+from freqrail.model.responses import PAPER as IN_ORDER
+from freqrail.model.responses import RESPONSES
 from freqrail.replication import judging, printed
 from freqrail.replication.claims import judge_all
 from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places
 from freqrail.replication.studies import CASE
 from freqrail.replication.words import percent
-from freqrail.responses import PAPER as IN_ORDER
-from freqrail.responses import RESPONSES
+from freqrail.sweep.sweep import sweep
 from freqrail.types import Progress
 
 # The field's contact constants G = c R^e in m/N^(2/3), R the wheel radius in m: conical and worn tread.

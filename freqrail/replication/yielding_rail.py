@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-from freqrail.vehicle import Vehicle
+from freqrail.model.vehicle import Vehicle
 
 _CAR, _CAR_PITCH, _FRONT, _REAR = 0, 1, 2, 6
 _WHEELS = (4, 5, 8, 9)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
+from freqrail.model.spectrum import Spectrum, angular_psd
+from freqrail.reduction.chain_columns import cos_sin
 from freqrail.reduction.columns import Reduction
-from freqrail.response import cos_sin
-from freqrail.rms import Quadrature, WeightedNodes
-from freqrail.track import Spectrum, angular_psd
+from freqrail.solver.quadrature import Quadrature, WeightedNodes
 
 Array = NDArray[np.float64]
 

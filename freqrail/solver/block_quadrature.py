@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.reduction.columns import Column, Reduction
-from freqrail.rms import CAUTION, ROUNDING, SPEEDS, TILE, MeanSquare, WeightedNodes
 from freqrail.solver.block_response import Number, Scalars, column, scalars, unsound
+from freqrail.solver.quadrature import CAUTION, ROUNDING, SPEEDS, TILE, MeanSquare, WeightedNodes
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 
 import freqrail
-from freqrail import grid
-from freqrail.responses import RESPONSES
-from freqrail.study import Study
+from freqrail.model.responses import RESPONSES
+from freqrail.solver import solve
+from freqrail.solver.problem import Problem
 from tests.bench.peers import PEERS, user_loop
 from tests.independent import PAPER, SPEED, TRACK, band_rms, state_matrices, whole_axis_rms
 
@@ -43,14 +43,14 @@ def median(function, runs: int) -> float:
     return float(np.median(times))
 
 
-def single(study: Study) -> np.ndarray:
+def single(study: Problem) -> np.ndarray:
     """The eleven numbers of a study with one vehicle and one speed."""
-    solution = grid.solve(study)
+    solution = solve.solve(study)
     return np.concatenate([solution.rms[name][:, 0] for name in NAMES])
 
 
-def study_of(case, band, speeds=None, vehicle=None) -> Study:
-    return Study(
+def study_of(case, band, speeds=None, vehicle=None) -> Problem:
+    return Problem(
         vehicle or case.vehicle,
         np.atleast_1d(case.speed if speeds is None else speeds),
         case.spectrum,
@@ -110,7 +110,7 @@ def large_grid(case, side: int, count: int) -> None:
     for words, band in BANDS.items():
         study = study_of(case, band, speeds, vehicle)
         loop = median(lambda: user_loop(case.vehicle, case.speed, case.spectrum, BANDS["0.1-100 Hz"]), 3)
-        own = min(elapsed(partial(grid.solve, study, jobs=2)) for _ in range(2))
+        own = min(elapsed(partial(solve.solve, study, jobs=2)) for _ in range(2))
         rate = points / own
         print(f"  {words}: {points} points in {own:6.2f} s, {rate:9.0f} points/s, {rate * loop:8.0f} x loop")
 
@@ -142,7 +142,7 @@ def growth(case, picture: Path | None) -> None:
         )
         speeds = np.linspace(100, 300, count) / 3.6
         studies = [study_of(case, band, speeds, vehicle) for band in BANDS.values()]
-        times = [min(elapsed(partial(grid.solve, study, jobs=2)) for _ in range(3)) for study in studies]
+        times = [min(elapsed(partial(solve.solve, study, jobs=2)) for _ in range(3)) for study in studies]
         print(f"{side * side:15d} {count:7d} {times[0]:14.3f} {times[1]:14.3f}")
         rows.append((side * side, count, *times))
     if picture:

@@ -12,42 +12,43 @@ from dataclasses import replace
 import numpy as np
 
 import freqrail
-from freqrail import grid, nodes, rms
-from freqrail.band import Band
+from freqrail.model.band import Band
 from freqrail.model.half_vehicle import half_vehicle, outputs
+from freqrail.model.responses import RESPONSES
 from freqrail.reduction.columns import reduce
-from freqrail.responses import RESPONSES
-from freqrail.solver import block_lags, block_quadrature
-from freqrail.study import Study, cells, cut
+from freqrail.solver import block_lags, block_quadrature, panels, quadrature, solve
+from freqrail.solver.problem import Problem, cells, cut
 
 JOINTS = np.geomspace(0.5e6, 100e6, 100)
 
 
-def paper_study(count: int = 100, speeds: int = 100) -> Study:
+def paper_study(count: int = 100, speeds: int = 100) -> Problem:
     """The paper's grid: joints 0.5 to 100 MN/m, 100 to 300 km/h."""
     case = freqrail.load_case("yu-damper-joint")
     joints = np.geomspace(0.5e6, 100e6, count)
     vehicle = replace(case.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[None, :])
     speed = np.linspace(100, 300, speeds) / 3.6
-    return Study(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES)[:4])
+    return Problem(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES)[:4])
 
 
 def main() -> None:
     """Medians of alternating runs, and the largest difference."""
     study = paper_study()
-    shared = nodes.shared_nodes(study)[0]
-    rule = rms.quadrature(shared.edges)
-    blocks = [cut(study.vehicle, cell) for cell in cells(study.vehicle.shape, grid.BLOCK)]
+    shared = panels.shared_panels(study)[0]
+    rule = quadrature.quadrature(shared.edges)
+    blocks = [cut(study.vehicle, cell) for cell in cells(study.vehicle.shape, solve.BLOCK)]
     reduction = reduce(half_vehicle(), outputs()[:4], vars(study.vehicle))
     places = block_lags.places_of(reduction, vars(study.vehicle), (0, 0))
 
     def old() -> dict:
-        weighted = grid._weighted_nodes(study, (0, 0), rule)
-        return [rms.mean_squares(block.column(), study.names, weighted, shared.lost) for block in blocks][-1]
+        weighted = solve._weighted_nodes(study, (0, 0), rule)
+        return [quadrature.mean_squares(block.column(), study.names, weighted, shared.lost) for block in blocks][-1]
 
     def new() -> dict:
         weighted = list(
-            block_lags.weighted_nodes(reduction, places, study.spectrum, rule, study.speed, study.limits, rms.NODES)
+            block_lags.weighted_nodes(
+                reduction, places, study.spectrum, rule, study.speed, study.limits, quadrature.NODES
+            )
         )
         return [block_quadrature.mean_squares(reduction, vars(block), weighted, shared.lost) for block in blocks][-1]
 

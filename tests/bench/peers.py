@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from freqrail.response import wheel_lags
-from freqrail.track import frequency_psd
-from freqrail.vehicle import half_vehicle, state_space
+from freqrail.model.equations import state_space
+from freqrail.model.inputs import wheel_lags
+from freqrail.model.spectrum import frequency_psd
+from freqrail.model.vehicle import half_vehicle
 
 LINES = 1000
 WHOLE_AXIS = (0.01, 500.0)  # Hz, what a user without a band would take for the whole axis

@@ -6,12 +6,9 @@ import argparse
 import multiprocessing
 import sys
 import time
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-
-from extremes.check import Found, check
-from extremes.draws import KNOWN, Draw, draw
+from tests.extremes.check import Found, check
+from tests.extremes.draws import KNOWN, Draw, draw
 
 
 def _one(task: tuple[int, int]) -> tuple[Draw, Found]:

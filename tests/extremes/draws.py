@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from freqrail.names import PARAMETERS
+from freqrail.case.parameters import PARAMETERS
 
 PLAUSIBLE = {  # the paper's vehicle, of which the draws are moved
     "car_body_mass": 15200.0,

@@ -8,9 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-
-from fuzz import cases, extremes, files
+from tests.fuzz import cases, extremes, files
 
 parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description="Damaged inputs by the thousand.")
 parser.add_argument("--cases", type=int, default=1000, help="changed case files, each with options")

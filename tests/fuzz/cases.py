@@ -16,13 +16,13 @@ import numpy as np
 import pint
 
 import freqrail
-from freqrail.case import Case, build_case
+from freqrail.case.case import Case, build_case
+from freqrail.case.parameters import PARAMETERS, SWEEPABLE
+from freqrail.case.shipped import shipped_cases
+from freqrail.cli.tables import case_derived, mode_records, printable
 from freqrail.errors import FreqrailError, FreqrailWarning
-from freqrail.names import PARAMETERS, SWEEPABLE
-from freqrail.points import parse_point
-from freqrail.responses import RESPONSES
-from freqrail.shipped import shipped_cases
-from freqrail.summary import case_derived, mode_records, printable
+from freqrail.model.responses import RESPONSES
+from freqrail.result.points import parse_point
 
 SECONDS = 10  # that one input may take
 SMALL = 1000  # grid points that are computed too, of one input in three

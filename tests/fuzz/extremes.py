@@ -13,13 +13,13 @@ from collections.abc import Iterator
 import numpy as np
 
 import freqrail
-from freqrail.case import build_case
+from freqrail.case.case import build_case
+from freqrail.case.parameters import JOINTS, PARAMETERS
+from freqrail.case.shipped import shipped_cases
+from freqrail.cli.tables import case_derived, mode_records
 from freqrail.errors import FreqrailError
-from freqrail.names import JOINTS, PARAMETERS
-from freqrail.responses import RESPONSES
-from freqrail.shipped import shipped_cases
-from freqrail.solution import STATUS, TOLERANCE
-from freqrail.summary import case_derived, mode_records
+from freqrail.model.responses import RESPONSES
+from freqrail.solver.solution import STATUS, TOLERANCE
 
 SECONDS = 60  # of processor time that one point may take, both models
 SHIPPED = shipped_cases()["yu-damper-joint"]

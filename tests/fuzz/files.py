@@ -16,8 +16,8 @@ import numpy as np
 
 import freqrail
 from freqrail.errors import InputError
-from freqrail.storage import open_result, write_result
-from freqrail.untrusted import check_result
+from freqrail.result.netcdf import open_result, write_result
+from freqrail.result.sandbox import check_result
 
 SECONDS, START = 10.0, 60.0  # that a child may take for one file, and to start
 BYTES = 4 * 10**9  # of its address space
@@ -87,7 +87,7 @@ def batch(source: Path, seed: int, first: int, count: int):
     """(number, outcome) of the files from `first` on, until the last or until one ends the child."""
     command = [sys.executable, "-c", CHILD, str(source)]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    environment["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent.parent)
+    environment["PYTHONPATH"] += os.pathsep + str(Path(__file__).parents[2])
     with (
         subprocess.Popen(
             [*command, str(seed), str(first), str(count)],

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plain_vehicles import MAKERS, as_system, dense_response, dense_rows, places
 
-from freqrail import vehicle as old
+from freqrail.model import equations
+from freqrail.model import vehicle as old
 from freqrail.model.assembled import state_space
 from freqrail.model.elements import Inerter, Spring
 from freqrail.model.half_vehicle import half_vehicle, outputs
+from freqrail.model.responses import RESPONSES
 from freqrail.model.system import Freedom, Leg, System, Wheel, evaluate, structure
-from freqrail.responses import RESPONSES
+from tests.plain_vehicles import MAKERS, as_system, dense_response, dense_rows, places
 
 RATIONAL = [kind for kind in MAKERS if kind != "irrational laws"]
 
@@ -31,7 +32,7 @@ def test_the_template_assembled_is_the_papers_model(paper_vehicle, joint):
     from dataclasses import replace
 
     vehicle = replace(paper_vehicle, primary_joint_stiffness=joint)
-    found, expected = state_space(half_vehicle(), numbers(vehicle)), old.state_space(old.half_vehicle(vehicle))
+    found, expected = state_space(half_vehicle(), numbers(vehicle)), equations.state_space(old.half_vehicle(vehicle))
     assert len(found.states) == len(expected.states)
     order = [found.states.index(f"Delta_{s[6:]}" if s.startswith("Delta_") else s) for s in expected.states]
     np.testing.assert_allclose(found.a[np.ix_(order, order)], expected.a, rtol=1e-13, atol=1e-9)

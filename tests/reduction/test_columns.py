@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plain_vehicles import MAKERS, as_system, outputs_of, places
 
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.model.outputs import Displacement, Elongation, Output
 from freqrail.reduction.columns import Reduction, reduce
+from tests.plain_vehicles import MAKERS, as_system, outputs_of, places
 
 LENGTHS = {"half_bogie_spacing": 8.0, "half_wheelbase": 1.1}
 

@@ -7,12 +7,12 @@ import sys
 
 import numpy as np
 import pytest
-from plain_vehicles import MAKERS, as_system, dense_rows
 
 from freqrail.model.half_vehicle import half_vehicle
 from freqrail.reduction import decouple as module
 from freqrail.reduction.blocks import blocks_of
 from freqrail.reduction.decouple import decouple
+from tests.plain_vehicles import MAKERS, as_system, dense_rows
 
 FOUND = {  # (size, inputs) of the blocks
     "the paper's": [(3, 1), (3, 1), (2, 1), (2, 1)],

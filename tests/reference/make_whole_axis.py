@@ -1,4 +1,4 @@
-"""Mean squares over the whole axis in 50-digit arithmetic: the reference of tests/test_residues.py.
+"""Mean squares over the whole axis in 50-digit arithmetic: the reference of tests/solver/test_residues.py.
 
     python tests/reference/make_whole_axis.py > tests/reference/whole_axis.json      (a few minutes; needs mpmath)
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from freqrail.names import JOINTS
+from freqrail.case.parameters import JOINTS
+from freqrail.model.responses import RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.claims import CLAIMS, PAPER_POINT
 from freqrail.replication.judging import FAILS, HOLDS, PARTLY, VERDICTS
 from freqrail.replication.thresholds import CHOSEN
-from freqrail.responses import RESPONSES
 
 CAR, BOGIE, SECONDARY_STROKE, PRIMARY_STROKE = (name for name, response in RESPONSES.items() if response.paper)
 PRIMARY, SECONDARY = JOINTS

@@ -12,18 +12,19 @@ import pytest
 import xarray as xr
 from matplotlib.contour import QuadContourSet
 
-from freqrail import cli, manifest, storage
+from freqrail.cli import commands
 from freqrail.errors import FileError, InputError
 from freqrail.replication import folder as replication
 from freqrail.replication.claims import CLAIMS
 from freqrail.replication.figures import draw_all, pictures
 from freqrail.replication.judging import FAILS, HOLDS, PARTLY
 from freqrail.replication.thresholds import KNIFE_EDGE
+from freqrail.result import manifest, netcdf
 
 
 def read(path: Path) -> xr.Dataset:
     """A dataset of the study: some are no sweeps."""
-    with storage.opened(path, result=False) as dataset:
+    with netcdf.opened(path, result=False) as dataset:
         return dataset.load()
 
 
@@ -164,7 +165,7 @@ def test_the_committed_folder_is_small_and_complete():
 
 def test_the_command_counts_verdicts(quick, monkeypatch, capsys):
     monkeypatch.setattr(replication, "replicate", lambda *arguments: quick)
-    assert cli.run(["replicate", "--quick", "--json"]) == 0
+    assert commands.run(["replicate", "--quick", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert set(facts["claims"]) == {HOLDS, PARTLY, FAILS}
     assert sum(facts["claims"].values()) == len(CLAIMS)

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from independent import TRACK, density, lagged, state_matrices
 
-from freqrail import storage
 from freqrail.replication.explanation import explained
 from freqrail.replication.mechanism import freed, mechanism, stiffening, wheelbase_filter
+from freqrail.result import netcdf
+from tests.independent import TRACK, density, lagged, state_matrices
 
 COMMITTED = Path(__file__).parents[2] / "results" / "yu-damper-joint"
 
 
 @pytest.fixture(scope="module")
 def exact():
-    with storage.opened(COMMITTED / "grid.nc", result=False) as dataset:
+    with netcdf.opened(COMMITTED / "grid.nc", result=False) as dataset:
         return dataset.load()
 
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqrail import grid
+from freqrail.confirm.time_side import readout
+from freqrail.model.equations import state_space
+from freqrail.model.responses import PAPER
+from freqrail.model.vehicle import half_vehicle
 from freqrail.replication import printed
-from freqrail.responses import PAPER
-from freqrail.study import Study
-from freqrail.timedomain import readout
-from freqrail.vehicle import half_vehicle, state_space
+from freqrail.solver import solve
+from freqrail.solver.problem import Problem
 
 
 def test_two_damper_forces_and_nothing_else_change_sign(paper_vehicle):
@@ -75,14 +76,14 @@ def test_the_same_quadrature_gives_the_right_equations_their_known_rms(paper_veh
     rows, _ = readout(system, model, paper_vehicle)
     poles = np.linalg.eigvals(model.a)
     found = printed.response_rms(model, rows, poles, paper_vehicle, paper_case.spectrum, speed, paper_case.band)
-    known = grid.solve(Study(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
+    known = solve.solve(Problem(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
     np.testing.assert_allclose(found, np.concatenate([known[name] for name in PAPER]), rtol=1e-6)
 
 
 def test_wrong_signs_change_the_numbers_where_they_are_stable(paper_vehicle, paper_case):
     speed = np.array([250 / 3.6])
     found = printed.printed_rms(paper_vehicle, paper_case.spectrum, speed, paper_case.band)[:, 0]
-    known = grid.solve(Study(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
+    known = solve.solve(Problem(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
     bogies = known["bogie_acceleration"][:, 0]
     assert found[3] / bogies[0] > 2
     assert found[3] != pytest.approx(found[4], rel=0.5)  # front and rear bogie are no longer alike

@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from freqrail.realisation import fixed_amplitudes, mean_square, sampled_track, spectral_lines, stream
+from freqrail.confirm.time_side import readout
+from freqrail.confirm.track_record import fixed_amplitudes, mean_square, sampled_track, spectral_lines, stream
+from freqrail.model.equations import state_space
+from freqrail.model.inputs import wheel_lags
+from freqrail.model.responses import RESPONSES
+from freqrail.model.vehicle import half_vehicle
+from freqrail.reduction.chain_columns import track_response
+from freqrail.reduction.chains import chain_responses
 from freqrail.replication import procedures
 from freqrail.replication.procedures import ABSOLUTE, DURATION, RELATIVE, Procedure, run
-from freqrail.response import chain_responses, track_response, wheel_lags
-from freqrail.responses import RESPONSES
-from freqrail.timedomain import readout
-from freqrail.vehicle import half_vehicle, state_space
 
 BAND = (0.1, 100.0)
 SPEED = 250 / 3.6

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_claims import CAR, PRIMARY, SECONDARY, WHOLE, empty_grid, put
 
 from freqrail.replication.claims import CLAIMS
 from freqrail.replication.judging import FAILS, HOLDS
 from freqrail.replication.quotations import QUOTATIONS
+from tests.replication.test_claims import CAR, PRIMARY, SECONDARY, WHOLE, empty_grid, put
 
 PAPER = Path(__file__).parents[3] / "shared" / "paper.txt"
 BY_KEY = {claim.key: claim for claim in CLAIMS}

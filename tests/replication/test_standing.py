@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from test_claims import CAR, PRIMARY, empty_grid, put
 
-from freqrail import storage
 from freqrail.replication import judging, report
 from freqrail.replication.claims import CLAIMS
 from freqrail.replication.standing import standing, standings
 from freqrail.replication.thresholds import CHOSEN, KNIFE_EDGE, MEANING, PLAUSIBLE, SHARES, Thresholds
+from freqrail.result import netcdf
+from tests.replication.test_claims import CAR, PRIMARY, empty_grid, put
 
 COMMITTED = Path(__file__).parents[2] / "results" / "yu-damper-joint"
 BY_KEY = {claim.key: claim for claim in CLAIMS}
@@ -26,7 +26,7 @@ def datasets() -> dict[str, xr.Dataset]:
     """The committed study."""
     found = {}
     for name in ("grid", "track", "spectra"):
-        with storage.opened(COMMITTED / f"{name}.nc", result=False) as dataset:
+        with netcdf.opened(COMMITTED / f"{name}.nc", result=False) as dataset:
             found[name] = dataset.load()
     return found
 

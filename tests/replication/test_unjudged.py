@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import freqrail
-from freqrail.names import JOINTS
+from freqrail.case.parameters import JOINTS
 from freqrail.replication import judging
 from freqrail.replication.claims import CLAIMS, RESPONSE_NAMES
 from freqrail.replication.contradictions import contradictions

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqrail.names import JOINTS
+from freqrail.case.parameters import JOINTS
+from freqrail.model.responses import PAPER
 from freqrail.replication import judging, procedures, studies, time_variations
 from freqrail.replication.claims import judge_all
 from freqrail.replication.judging import FAILS, HOLDS, PARTLY, Finding
 from freqrail.replication.procedures import Procedure
 from freqrail.replication.time_variations import Trial
 from freqrail.replication.variations import Variation, beside_own_rigid, relabelled
-from freqrail.responses import PAPER
 
 
 @pytest.fixture(scope="module")

@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqrail import grid
-from freqrail.modal import modes
+from freqrail.model.spectrum import frequency_psd
 from freqrail.replication.mechanism import on_rail
 from freqrail.replication.yielding_rail import TYPICAL, Rail, displacements, poles, response_rms, wheel_resonance
-from freqrail.study import Study
-from freqrail.track import frequency_psd
+from freqrail.solver import solve
+from freqrail.solver.modes import modes
+from freqrail.solver.problem import Problem
 
 NAMES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke")
 PLACE = {"car_body_acceleration": 1}
 
 
 def package_rms(case, vehicle) -> dict[str, float]:
-    rms = grid.solve(Study(vehicle, np.array([case.speed]), case.spectrum, case.band, NAMES)).rms
+    rms = solve.solve(Problem(vehicle, np.array([case.speed]), case.spectrum, case.band, NAMES)).rms
     return {name: float(rms[name][PLACE.get(name, 0), 0]) for name in NAMES}
 
 

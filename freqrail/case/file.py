@@ -1,0 +1,220 @@
+"""Case files before they are checked: finding and reading them, `--set` and `--over`, and writing TOML.
+
+Here a case is its parsed tables, whatever they hold; `freqrail.case.case` says whether they make sense.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from freqrail import files
+from freqrail.case.axis import parse_axis
+from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
+from freqrail.case.quantities import given
+from freqrail.case.shipped import shipped_cases
+from freqrail.errors import InputError
+
+LARGEST_FILE = 1_000_000  # bytes: a case file has two thousand
+CONTACTS = ("contact_constant", "contact_stiffness")
+"""The two keys for the contact, of which a case gives one."""
+
+# keys of 50 parts such as a.a.a...: no case has them, and tomllib needs memory by the square of their number
+_ENDLESS_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){50}""")
+
+
+def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
+    """(stem, name for messages, text) of a case file or a shipped case."""
+    if not isinstance(case, str | os.PathLike):
+        raise InputError(f"a case file's path or a shipped case's name is due {given(case)}")
+    path = Path(case)
+    wanted = str(case)
+    try:
+        if path.is_file():
+            return os.fsencode(path.stem).decode("utf-8", "replace"), wanted, _read(path)
+        exists, folder = path.exists(), path.is_dir()
+    except (OSError, ValueError) as fault:
+        words = getattr(fault, "strerror", None) or fault
+        raise InputError(f"{wanted}: cannot be opened: {words}") from None
+    shipped = shipped_cases()
+    if wanted in shipped:
+        return wanted, wanted, shipped[wanted]
+    if exists:
+        kind = "is a folder" if folder else "is not a regular file"
+        raise InputError(f"{wanted or '.'}: {kind}, a case file is due")
+    raise InputError(f"{wanted}: no such case file, and no shipped case of that name{suggestion(wanted, shipped)}")
+
+
+def _read(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise InputError(f"{path}: too large for a case file (got {size} bytes, limit {LARGEST_FILE})")
+        data = files.read(path)
+    except OSError as fault:
+        raise InputError(f"{path}: cannot be read: {fault.strerror}") from None
+    if data.startswith((b"\x89HDF", b"CDF")):
+        raise InputError(f"{path}: is a NetCDF file, a case file is due")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError(f"{path}: is UTF-16 text, a case file is UTF-8: save it anew with that encoding")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise InputError(f"{path}: is not UTF-8 text (byte {fault.start} is {data[fault.start]:#04x})") from None
+    if "\0" in text:
+        line = text[: text.index("\0")].count("\n") + 1
+        raise InputError(f"{path}: line {line}: holds a NUL byte, a case file is plain text")
+    if not text.strip():
+        raise InputError(f"{path}: is empty; start from a shipped case: freqrail cases yu-damper-joint")
+    return text
+
+
+def parse_toml(text: str, file: str) -> dict[str, Any]:
+    if _ENDLESS_KEY.search(text):
+        raise InputError(f"{file}: not valid as a case: nested too deeply")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as fault:
+        raise InputError(f"{file}: not valid TOML: {fault}{_quoted(text, str(fault))}") from None
+    except ValueError:
+        raise InputError(f"{file}: not valid TOML: a number with too many digits") from None
+    except RecursionError:
+        raise InputError(f"{file}: not valid as a case: nested too deeply") from None
+
+
+def _quoted(text: str, fault: str) -> str:
+    """The line of the file that a fault names, for the message."""
+    line = re.search(r"at line (\d+)", fault)
+    lines = text.splitlines()
+    return f" {given(lines[int(line[1]) - 1])}" if line and int(line[1]) <= len(lines) else ""
+
+
+# --- changes ----------------------------------------------------------------------------------------
+
+
+def sections() -> dict[str, tuple[str, ...]]:
+    """The keys of every table that a setting may change."""
+    keys: dict[str, list[str]] = {"vehicle": ["masses"], "track": ["spectrum"], "operation": [], "band": []}
+    for parameter in PARAMETERS.values():
+        keys[parameter.section].append(parameter.name)
+    return {section: tuple(names) for section, names in keys.items()}
+
+
+def table_of(tables: dict[str, Any], name: str) -> dict[str, Any]:
+    """The table of that name, made if missing; a stray value in its place is left for validation."""
+    table = tables.setdefault(name, {})
+    return table if isinstance(table, dict) else {}
+
+
+def apply_setting(
+    tables: dict[str, Any],
+    key: str,
+    value: str,
+    problems: list[str],
+    origins: dict[tuple[str, ...], str],
+    scalars: bool = False,
+) -> None:
+    """Change one scalar of the tables; see `case.load_case` for `scalars`."""
+    label = f"--set {key}"
+    if key == "band":
+        if str(value).strip().lower() != "none":
+            problems.append(f'{label}: only "band=none", or --set "frequency=0.1:100 Hz", will do {given(value)}')
+        _refuse_both(label, [("band", "frequency"), ("band", "wavelength")], problems, origins)
+        tables.pop("band", None)
+        origins["band",] = label
+        return
+    if key in ("title", "reference"):
+        tables[key] = value
+        origins[(key,)] = label
+        return
+    section, _, name = key.rpartition(".")
+    known_keys = sections()
+    owners = [s for s, names in known_keys.items() if name in names and section in ("", s)]
+    if section == "sweep" and name in (*SWEEPABLE, "frequency"):
+        problems.append(f"{label}: an axis is replaced with {_advised_axis(name, value)}")
+        return
+    if not owners:
+        known = known_keys.get(section, tuple(n for names in known_keys.values() for n in names))
+        problems.append(f"{label}: unknown name{suggestion(name, known)}")
+        return
+    if name in SWEEPABLE and name in table_of(tables, "sweep") and not scalars:
+        problems.append(f"{label}: {name} is swept by the case; give it one value with {_advised_axis(name, value)}")
+        return
+    table = table_of(tables, owners[0])
+    for group in (CONTACTS, ("frequency", "wavelength")):
+        for other in group if name in group else ():  # it replaces the other one of the file
+            _refuse_both(label, [(owners[0], other), (owners[0],)], problems, origins)
+            table.pop(other, None)
+    if name == "spectrum" and value != "rational":
+        table.pop("roughness", None)
+        table.pop("cutoffs", None)
+    if name in ("cutoffs", "frequency", "wavelength") and str(value).lstrip().startswith("["):
+        with contextlib.suppress(tomllib.TOMLDecodeError):  # a list as in the file; else left to validation
+            value = tomllib.loads(f"list = {value}")["list"]
+    table[name] = value
+    origins[owners[0], name] = label
+
+
+def apply_axis(
+    tables: dict[str, Any], key: str, value: str, problems: list[str], origins: dict[tuple[str, ...], str]
+) -> None:
+    name = key.removeprefix("sweep.")
+    if name not in (*SWEEPABLE, "frequency"):
+        problems.append(f"--over {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
+        return
+    sweep = table_of(tables, "sweep")
+    section = PARAMETERS[name].section
+    if name in SWEEPABLE:  # `frequency` is the band's as a setting, that of spectra as an axis
+        alike = CONTACTS if name in CONTACTS else (name,)
+        _refuse_both(f"--over {key}", [(section, other) for other in alike], problems, origins)
+    for other in CONTACTS if name in CONTACTS else ():
+        _refuse_both(f"--over {key}", [("sweep", other)], problems, origins)
+        sweep.pop(other, None)
+    sweep[name] = value
+    origins["sweep", name] = f"--over {key}"
+
+
+def _advised_axis(name: str, value: object) -> str:
+    """The option that gives a swept quantity its values: those that were meant, if they would be taken."""
+    try:
+        parse_axis(PARAMETERS[name], value)
+    except ValueError:
+        value = PARAMETERS[name].example
+    return f'{"--psd " if name == "frequency" else ""}--over "{name}={value}"'
+
+
+def _refuse_both(
+    label: str, others: list[tuple[str, ...]], problems: list[str], origins: dict[tuple[str, ...], str]
+) -> None:
+    """Note a problem if one of the `others`, of which only one can hold, was changed by an option before."""
+    problems += [f"{label}: excludes {origins[other]}; give one of the two" for other in others if other in origins]
+
+
+# --- writing ----------------------------------------------------------------------------------------
+
+
+def to_toml(tables: Mapping[str, Any]) -> str:
+    """TOML text of parsed tables, one level deep as case files are: strings, numbers, lists, points."""
+
+    def value(item: object) -> str:
+        if isinstance(item, str):
+            return json.dumps(item, ensure_ascii=False).replace("\x7f", "\\u007f")
+        if isinstance(item, dict):
+            return "{ " + ", ".join(f"{k} = {value(v)}" for k, v in item.items()) + " }"
+        if isinstance(item, list):
+            return "[" + ", ".join(value(v) for v in item) + "]"
+        return str(item)
+
+    plain = [f"{k} = {value(v)}" for k, v in tables.items() if not isinstance(v, dict)]
+    sections = [
+        "\n".join([f"[{name}]", *(f"{k} = {value(v)}" for k, v in table.items())])
+        for name, table in tables.items()
+        if isinstance(table, dict)
+    ]
+    return "\n\n".join(["\n".join(plain), *sections]) + "\n"

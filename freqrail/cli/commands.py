@@ -1,0 +1,500 @@
+"""The commands. No arithmetic here: a command checks its options, calls one function and prints.
+
+Results go to stdout, messages and progress to stderr. Exit codes: 0 done; 2 bad input; 3 failed grid
+points; 4 input or output; 130 interrupted; 1 only for a bug. Only click and tables of names are imported at the top,
+so that `freqrail --help` and the completion of names answer at once.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from freqrail.cli import completion
+from freqrail.cli.process import check_memory_limit, is_out_of_memory, prepare_matplotlib, take_over
+from freqrail.cli.terminal import counted, guarded, program, progress, report, tell
+from freqrail.errors import FreqrailWarning, InputError, NumericalError
+from freqrail.figures import plot as figures_plot
+from freqrail.version import __version__
+
+PLOT_FORMATS = ("png", "svg", "pdf")
+
+
+class _Assignment(click.ParamType):
+    """An option value of the form NAME=VALUE."""
+
+    name = "NAME=VALUE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+        if isinstance(value, tuple):
+            return value
+        name, equals, text = (part.strip() for part in str(value).partition("="))
+        if not equals or not name:
+            self.fail(f'must be written NAME=VALUE, as in "speed=250 km/h" (got "{value}")', param, ctx)
+        return name, text
+
+
+_CASE = click.argument("case", metavar="CASE", shell_complete=completion.case)
+_RESULT = click.argument("result", metavar="RESULT.nc", shell_complete=completion.result)
+_SET = click.option(
+    "--set",
+    "settings",
+    type=_Assignment(),
+    multiple=True,
+    shell_complete=completion.setting,
+    help='Change a scalar: --set "bogie_mass=650 kg", "frequency=0.5:80 Hz" or "band=none".',
+)
+_AT = click.option(
+    "--at",
+    metavar="POINT",
+    multiple=True,
+    shell_complete=completion.point,
+    help='A point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the case\'s own '
+    "value. One that is not on the grid is computed anew.",
+)
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, message="freqrail %(version)s")
+def cli() -> None:
+    """Random vibration of rail vehicles with damper rubber joints, in the frequency domain.
+
+    CASE is a case file, or the name of a case that comes with freqrail (see `freqrail cases`).
+    """
+    check_memory_limit()
+
+
+@cli.command()
+@_CASE
+@click.option("-o", "--output", metavar="OUT.nc", help="Where to write; results/CASE.nc unless given.")
+@click.option(
+    "--over",
+    type=_Assignment(),
+    metavar="NAME=AXIS",
+    multiple=True,
+    shell_complete=completion.axis,
+    help='Sweep a quantity: --over "speed=100:300:10 km/h"; also "1, 5, inf MN/m" and "log:1:100:20 MN/m".',
+)
+@_SET
+@click.option(
+    "--responses",
+    default="paper",
+    show_default=True,
+    shell_complete=completion.responses,
+    help="paper, all, or names of responses, such as bogie_acceleration,primary_stroke.",
+)
+@click.option("--psd", is_flag=True, help="Store spectra too.")
+@click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@click.option("--resume", is_flag=True, help="Take over the finished blocks of an interrupted run of the same sweep.")
+@click.option(
+    "--jobs", type=click.IntRange(min=1), help="Threads that work on blocks; as many as processors unless given."
+)
+@click.option("--dask", metavar="ADDRESS|local", help="Send the blocks to a dask cluster: tcp://HOST:PORT, or local.")
+@_JSON
+def sweep(
+    case: str,
+    output: str | None,
+    over: Sequence[tuple[str, str]],
+    settings: Sequence[tuple[str, str]],
+    responses: str,
+    psd: bool,
+    dry_run: bool,
+    overwrite: bool,
+    resume: bool,
+    jobs: int | None,
+    dask: str | None,
+    as_json: bool,
+) -> None:
+    """Compute the RMS responses of CASE over its grid and write them as a labelled NetCDF file."""
+    over_by_name, settings_by_name = _once(over, "--over"), _once(settings, "--set")
+    if "frequency" in over_by_name and not psd:
+        raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
+    from freqrail.case.case import load_case
+    from freqrail.case.quantities import shown_bytes
+    from freqrail.cli.tables import number
+    from freqrail.model.band import band_text
+    from freqrail.result.netcdf import check_target
+    from freqrail.solver.solve import processors
+    from freqrail.sweep import plausibility
+    from freqrail.sweep.journal import journal_path
+    from freqrail.sweep.plan import Plan
+    from freqrail.sweep.sweep import local, sweep_to_file
+
+    if dask is not None and jobs:
+        raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
+    if dask is not None:
+        from freqrail.sweep import cluster
+
+        executor = cluster.executor(dask)
+    else:
+        executor = local(jobs)
+    loaded = load_case(case, settings_by_name, over_by_name)
+    plan = Plan.of(loaded, responses, psd)
+    wanted = Path("results", f"{loaded.name}.nc") if output is None else output
+    target = check_target(wanted, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
+    grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
+    facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.layout.names)}
+    facts["vehicle"] = plausibility.vitals(loaded)
+    if dry_run:
+        plausibility.told(loaded)
+        jobs = jobs or processors()
+        seconds = plan.seconds(jobs)
+        facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
+        report(
+            facts,
+            as_json,
+            f"{counted(plan.points, 'grid point')} ({grid}), both models",
+            plausibility.vitals_text(loaded),
+            f"{target}: {shown_bytes(plan.stored_bytes)}, about {number(seconds, 2)} s on {counted(jobs, 'thread')}",
+            "dry run: nothing computed, nothing written",
+            *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
+        )
+        return
+    if output is None:
+        target.parent.mkdir(exist_ok=True)
+    start = time.perf_counter()
+    try:
+        with progress("sweep", plan.work) as advance:
+            outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
+    except (KeyboardInterrupt, MemoryError, RuntimeError) as stop:
+        if journal_path(target).exists() and (isinstance(stop, KeyboardInterrupt) or is_out_of_memory(stop)):
+            given = click.get_current_context().obj
+            again = shlex.join([*given, *(["--resume"] if "--resume" not in given else [])])
+            tell(f"freqrail: finished blocks are kept; to go on: {program()} {again}")
+        raise
+    elapsed = time.perf_counter() - start
+    failures = list(outcome.failures)
+    next_step = "show" if plan.points == 1 or math.isnan(outcome.largest_error) else "plot"
+    error = outcome.largest_error
+    told = plausibility.recalled({"warnings": outcome.told})
+    facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
+    facts["warnings"] = told
+    taken_over = f", {counted(outcome.resumed, 'block')} taken over" if resume else ""
+    accuracy = f"largest estimated error {error:.1e} (relative, numerical only)"
+    if math.isnan(error):
+        accuracy = "no number has an error estimate"
+    report(
+        facts,
+        as_json,
+        f"{counted(plan.points, 'grid point')} ({grid}), {counted(len(plan.layout.names), 'response')}, "
+        "with joints and traditional",
+        plausibility.vitals_text(loaded),
+        *filter(None, [plausibility.accepted_text(told)]),
+        f"band {band_text(loaded.band)}; {accuracy}",
+        f"written: {target} ({shown_bytes(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
+        f"next: {program()} {next_step} {shlex.quote(str(target))}",
+    )
+    if failures:
+        raise NumericalError(*(f"{target}: {line}" for line in failures))
+
+
+@cli.command()
+@_RESULT
+@_AT
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@click.option("--realisations", type=int, default=8, show_default=True, help="Gaussian records a point.")
+@click.option("--duration", default="60 s", show_default=True, help="Length of a record.")
+@click.option(
+    "--integrator",
+    type=click.Choice(("rk45", "exponential", "newmark", "radau")),
+    default="rk45",
+    show_default=True,
+    help="exponential is exact and does not care about stiffness; newmark is for the traditional model.",
+)
+@click.option(
+    "--start",
+    type=click.Choice(("rest", "steady")),
+    default="rest",
+    show_default=True,
+    help="From rest, the transient discarded; or in the steady state.",
+)
+@click.option("--band", help='Band to confirm over: "0.1:100 Hz"; the result\'s own unless given.')
+@click.option("--max-time", default="10 min", show_default=True, help="Refuse a run that would take longer.")
+@click.option("-o", "--output", metavar="OUT.nc", help="Where to write; RESULT-confirmation.nc unless given.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes, a point each.")
+@_JSON
+def confirm(
+    result: str,
+    at: Sequence[str],
+    seed: int,
+    realisations: int,
+    duration: str,
+    integrator: str,
+    start: str,
+    band: str | None,
+    max_time: str,
+    output: str | None,
+    overwrite: bool,
+    jobs: int,
+    as_json: bool,
+) -> None:
+    """Simulate grid points of a result in time and say whether its numbers stand."""
+    from freqrail.case.quantities import shown_bytes
+    from freqrail.cli.tables import confirmation_text, number
+    from freqrail.confirm.confirm import carry_out
+    from freqrail.confirm.run import check_cost, prepare_run
+    from freqrail.result.confirmation import problems
+    from freqrail.result.netcdf import check_target, write_result
+
+    run = prepare_run(result, at or None, seed, realisations, duration, integrator, start, band)
+    _repeat_warnings(run.dataset)
+    wanted = Path(result).with_name(f"{Path(result).stem}-confirmation.nc") if output is None else output
+    target = check_target(wanted, overwrite, (result,), run.stored_bytes)
+    needed = check_cost(run, max_time, jobs)
+    tell(
+        f"freqrail: {counted(len(run.points), 'point')}, {number(run.simulated_seconds, 3)} simulated seconds with "
+        f"{integrator}, about {number(needed, 2)} s"
+    )
+    begin = time.perf_counter()
+    with progress("simulated seconds", math.ceil(run.simulated_seconds)) as advance:
+        found = carry_out(run, jobs, advance)
+    elapsed = time.perf_counter() - begin
+    write_result(found, target, overwrite)
+    faults = problems(found)
+    facts, lines = confirmation_text(found)
+    facts |= {"output": str(target), "seconds": elapsed, "problems": faults}
+    report(
+        facts,
+        as_json,
+        *lines,
+        f"written: {target} ({shown_bytes(target.stat().st_size)}, simulated in {number(elapsed, 2)} s)",
+        f"next: {program()} plot {shlex.quote(str(target))}",
+    )
+    if faults:
+        raise NumericalError(*(f"{target}: {line}" for line in faults))
+
+
+@cli.command()
+@_RESULT
+@click.option("-o", "--output", metavar="FOLDER", help="Folder of the pictures; RESULT-figures unless given.")
+@click.option(
+    "--format",
+    "file_format",
+    type=click.Choice(PLOT_FORMATS),
+    default="png",
+    show_default=True,
+    help="Kind of picture.",
+)
+@_AT
+def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
+    """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
+    prepare_matplotlib()
+    pass
+    from freqrail.result.points import read_result
+
+    point = _one_point(at)
+    dataset = read_result(result)
+    _repeat_warnings(dataset)
+    folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
+    with progress("figures", figures_plot.figure_count(dataset, point)) as advance:
+        paths = figures_plot.plot(dataset, folder, file_format, point, advance)
+    click.echo("\n".join(map(str, paths)))
+    for line in filter(None, [figures_plot.note(dataset, point), figures_plot.hint(dataset)]):
+        tell(f"freqrail: {line}")
+
+
+@cli.command()
+@click.option("--quick", is_flag=True, help="Leave out the variations in the time domain.")
+@click.option(
+    "-o", "--output", metavar="FOLDER", help="Folder to write or replace; results/yu-damper-joint unless given."
+)
+@_JSON
+def replicate(quick: bool, output: str | None, as_json: bool) -> None:
+    """Redo the paper's study and judge its claims: datasets, figures and a report."""
+    prepare_matplotlib()
+    from freqrail.replication import folder
+    from freqrail.replication.judging import plural
+
+    start = time.perf_counter()
+    with progress("replicate", folder.steps(quick)) as advance:
+        done = folder.replicate(output, quick, advance)
+    counts = done.counts
+    facts = {
+        "output": str(done.folder),
+        "seconds": time.perf_counter() - start,
+        "claims": counts,
+        "findings": {key: found.verdict for key, found in done.findings.items()},
+        "variations": [{"group": v.group, "name": v.name, "changed": sorted(v.changed)} for v in done.variations],
+    }
+    report(
+        facts,
+        as_json,
+        ", ".join(f"{number} {plural(verdict, number)}" for verdict, number in counts.items()),
+        *([folder.LEFT_OUT] if quick else []),
+        f"written: {done.folder} (report.html, report.md, figures, datasets)",
+    )
+
+
+@cli.command()
+@click.argument("what", metavar="CASE|RESULT.nc", shell_complete=completion.case_or_result)
+@_AT
+@_SET
+@click.option("--check", is_flag=True, help="Only check that a file is a whole result; safe for any file.")
+@_JSON
+def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], check: bool, as_json: bool) -> None:
+    """Show a case with what follows from it, or a result; with --at, the numbers of one grid point."""
+    if _is_result(what):
+        if settings:
+            raise InputError("--set: goes with a case; a result is what it is")
+        _show_result(what, at, check, as_json)
+    elif at or check:
+        raise InputError(f"{'--at' if at else '--check'}: goes with a result, not with a case (got {what})")
+    else:
+        _show_case(what, _once(settings, "--set"), as_json)
+
+
+def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
+    from freqrail.case.case import load_case
+    from freqrail.cli import tables as cli_tables
+    from freqrail.sweep import plausibility
+
+    case = load_case(what, settings, scalars=True)
+    told = plausibility.recalled({"warnings": plausibility.stored(plausibility.told(case), case)})
+    parts: dict[str, list[cli_tables.Record]] = {
+        "parameters": cli_tables.case_parameters(case),
+        "derived": cli_tables.case_derived(case),
+        "modes": [{k: m[k] for k in ("mode", "Hz", "damping")} for m in cli_tables.mode_records(case) if m["Hz"]],
+        "axes": cli_tables.case_axes(case),
+    }
+    tables = [cli_tables.table(records) for records in parts.values() if records]
+    head = [cli_tables.case_head(case), plausibility.vitals_text(case), plausibility.accepted_text(told)]
+    facts = {"title": case.title, "vehicle": plausibility.vitals(case), "warnings": told, **parts}
+    report(facts, as_json, "\n\n".join(["\n".join(filter(None, head)), *tables]))
+
+
+def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
+    from freqrail.cli import tables as cli_tables
+    from freqrail.result.confirmation import is_confirmation
+    from freqrail.result.points import example_point, read_result, result_case
+    from freqrail.result.sandbox import check_result
+    from freqrail.sweep import plausibility
+
+    point = _one_point(at)
+    if check:
+        facts = {"file": what, **check_result(what)}
+        report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
+        return
+    dataset = read_result(what)
+    told = _repeat_warnings(dataset)
+    if is_confirmation(dataset):
+        facts, lines = cli_tables.confirmation_text(dataset, point)
+        report(facts, as_json, *lines)
+        return
+    if point is not None:
+        facts, lines = cli_tables.result_point(dataset, point)
+        report(facts, as_json, *lines)
+        return
+    parts = {"axes": cli_tables.result_axes(dataset), "ranges": cli_tables.result_ranges(dataset)}
+    hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
+    case = result_case(dataset)
+    head = [cli_tables.result_head(dataset), plausibility.vitals_text(case), plausibility.accepted_text(told)]
+    report(
+        {"title": dataset.attrs.get("title", ""), "vehicle": plausibility.vitals(case), "warnings": told, **parts},
+        as_json,
+        "\n\n".join(["\n".join(filter(None, head)), *cli_tables.result_tables(dataset), hint]),
+    )
+
+
+@cli.command()
+@_CASE
+@_SET
+@_JSON
+def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None:
+    """Natural frequencies, damping ratios and mode shapes of CASE, with joints and with rigid ones."""
+    from freqrail.case.case import load_case
+    from freqrail.cli import tables as cli_tables
+
+    loaded = load_case(case, _once(settings, "--set"), scalars=True)
+    records = cli_tables.mode_records(loaded)
+    report({"modes": records}, as_json, cli_tables.case_head(loaded), "", cli_tables.table(records))
+
+
+@cli.command()
+@click.argument("name", required=False, shell_complete=completion.shipped)
+@_JSON
+def cases(name: str | None, as_json: bool) -> None:
+    """List the cases that come with freqrail, or print the one called NAME."""
+    from freqrail.case.case import build_case
+    from freqrail.case.parameters import suggestion
+    from freqrail.case.shipped import shipped_cases
+
+    shipped = shipped_cases()
+    if name is None:
+        titles = {key: build_case(text).title for key, text in shipped.items()}
+        report(titles, as_json, *(f"{key}  {title}" for key, title in titles.items()))
+    elif name in shipped and as_json:
+        report({"name": name, "text": shipped[name]}, as_json)
+    elif name in shipped:
+        click.echo(shipped[name], nl=False)
+    else:
+        raise InputError(f"{name}: no shipped case of that name{suggestion(name, shipped)}")
+
+
+def _one_point(at: Sequence[str]) -> Any:
+    """The point of a single --at, None without one; these commands draw or show one point."""
+    from freqrail.result.points import parse_point
+
+    if len(at) > 1:
+        raise InputError(f"--at: given {len(at)} times; this command takes one point")
+    return parse_point(at[0]) if at else None
+
+
+def _repeat_warnings(dataset: Any) -> list[dict[str, Any]]:
+    """Say again what was warned of when a result was computed; all that its file keeps of it, accepted or not."""
+    from freqrail.sweep.plausibility import recalled
+
+    told = recalled(dataset.attrs)
+    for record in told:
+        if not record["accepted"]:
+            warnings.warn(record["text"], FreqrailWarning, stacklevel=2)
+    return told
+
+
+# --- helpers ---------------------------------------------------------------------------------------
+
+
+def _once(pairs: Sequence[tuple[str, str]], option: str) -> dict[str, str]:
+    """Pairs as a dict; a name given twice is an error, since only one of them could hold."""
+    names = [name for name, _ in pairs]
+    twice = [f"{option} {name}: given twice; give it once" for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise InputError(*twice)
+    return dict(pairs)
+
+
+def _is_result(what: str) -> bool:
+    """Whether an argument means a result file rather than a case."""
+    if what.endswith(".nc"):
+        return True
+    from freqrail.files import read
+
+    try:
+        return read(what, 4) in (b"\x89HDF", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+    except (OSError, ValueError):
+        return False
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command and exit with its code; every fault is a line on stderr, never a traceback."""
+    take_over()
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if os.environ.get("_FREQRAIL_COMPLETE"):
+        cli.main(args=given, prog_name="freqrail")  # the shell asks what to offer: click answers and exits
+    return guarded(lambda: cli.main(args=given, prog_name="freqrail", standalone_mode=False, obj=given))

@@ -1,0 +1,392 @@
+"""What the terminal shows of a case, its modes and a result: plain records, and tables made of them.
+
+Records are dicts that `--json` prints as they are, so their keys are plain identifiers and the numbers of a response
+are in its variable's unit; `in_shown_units` makes records for people of them, `table` sets these in headed columns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from freqrail.case.case import Case
+from freqrail.case.parameters import PARAMETERS, SWEEPABLE, meaning
+from freqrail.case.quantities import printable, shown_value
+from freqrail.model.band import band_limits, band_text
+from freqrail.model.responses import PREFIXES, RESPONSES
+from freqrail.model.spectrum import standard_deviation
+from freqrail.model.vehicle import static_wheel_load
+from freqrail.result import confirmation
+from freqrail.result.axes import axis_label, axis_unit, first_failures, swept
+from freqrail.result.points import Point, confirmed_point
+from freqrail.solver.modes import modes
+from freqrail.sweep.off_grid import find
+
+Record = dict[str, Any]
+
+HEADINGS = {
+    "Hz_rigid_joints": "Hz, rigid joints",
+    "damping_rigid_joints": "damping, rigid joints",
+    "difference_percent": "difference %",
+    "interval_low": "95 % low",
+    "interval_high": "95 % high",
+    "half_width_percent": "+-%",
+    "solver_differs": "solver",
+    "kernel_differs": "kernel",
+    "whole_axis_differs": "whole axis",
+    "result_differs": "result",
+    "kernel_percent": "by the kernel check %",
+    "simulation_percent": "by the simulation %",
+}
+"""Keys of records whose column is not headed by the key with blanks for underscores."""
+
+DIGITS = {
+    "half_width_percent": 2,
+    "solver_differs": 2,
+    "kernel_differs": 2,
+    "whole_axis_differs": 2,
+    "result_differs": 2,
+    "kernel_percent": 2,
+    "simulation_percent": 2,
+}
+"""Keys of records whose numbers are shown with other than four digits."""
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number in `digits` significant digits; whole numbers below ten million plain."""
+    if not math.isfinite(value):
+        return str(value)
+    if value == round(value, 0) and abs(value) < 1e7:
+        return f"{value + 0.0:.0f}"  # no minus before a zero
+    return f"{value:.{digits}g}"
+
+
+def table(records: Sequence[Record], columns: Sequence[str] | None = None) -> str:
+    """Records as aligned text columns; numbers to the right, missing entries blank."""
+    columns = list(columns or records[0])
+    cells = [[_cell(record.get(column), DIGITS.get(column, 4)) for column in columns] for record in records]
+    heads = [HEADINGS.get(column, column.replace("_", " ")) for column in columns]
+    widths = [max(len(head), *(len(row[i]) for row in cells)) for i, head in enumerate(heads)]
+    right = [all(isinstance(r.get(c), int | float | None) for r in records) for c in columns]
+
+    def line(row: Sequence[str]) -> str:
+        parts = [t.rjust(w) if r else t.ljust(w) for t, w, r in zip(row, widths, right, strict=True)]
+        return "  ".join(parts).rstrip()
+
+    return "\n".join([line(heads), line(["-" * w for w in widths]), *(line(row) for row in cells)])
+
+
+def _cell(value: object, digits: int) -> str:
+    if value is None:
+        return ""
+    return number(value, digits) if isinstance(value, float) else printable(str(value))
+
+
+# --- a case ----------------------------------------------------------------------------------------
+
+
+def case_parameters(case: Case) -> list[Record]:
+    """The case's quantities: name, symbol, value as written, value in SI, meaning."""
+    return [
+        {
+            "name": name,
+            "symbol": PARAMETERS[name].symbol.replace("{", "").replace("}", ""),
+            "given": quantity.text,
+            "SI": quantity.value,
+            "unit": PARAMETERS[name].unit,
+            "meaning": meaning(name, case.masses),
+        }
+        for name, quantity in case.quantities.items()
+    ]
+
+
+def case_derived(case: Case) -> list[Record]:
+    """What follows from a case's scalars: loads, contact stiffness, track, wavelengths of the band."""
+    vehicle = case.vehicle
+    rows = [
+        (
+            "static wheel load P0",
+            static_wheel_load(vehicle.car_body_mass, vehicle.bogie_mass, vehicle.wheelset_mass),
+            "N",
+        ),
+        ("contact stiffness K_H (eq. 1)", vehicle.contact_stiffness, "N/m"),
+        ("track height, standard deviation", 1e3 * standard_deviation(case.spectrum), "mm"),
+        ("  the same over 3-25 m wavelength", 1e3 * standard_deviation(case.spectrum, (3.0, 25.0)), "mm"),
+        ("lag of the second axle", 2e3 * vehicle.half_wheelbase / case.speed, "ms"),
+        ("lag of the rear bogie", 2e3 * vehicle.half_bogie_spacing / case.speed, "ms"),
+    ]
+    if case.band is not None:
+        low, high = band_limits(case.band, case.speed) / (2 * np.pi)
+        rows += [
+            ("band, lower limit", float(low), "Hz"),
+            ("band, upper limit", float(high), "Hz"),
+            (f"longest wavelength at {shown_value('speed', case.speed)}", case.speed / float(low), "m"),
+            (f"shortest wavelength at {shown_value('speed', case.speed)}", case.speed / float(high), "m"),
+        ]
+    return [{"derived": name, "value": float(value), "unit": unit} for name, value, unit in rows]
+
+
+def case_axes(case: Case) -> list[Record]:
+    """The swept parameters of a case: name, number of values, first, last, unit."""
+    return [
+        {
+            "axis": axis.name,
+            "values": axis.values.size,
+            "first": float(axis.values[0]),
+            "last": float(axis.values[-1]),
+            "unit": axis.unit,
+        }
+        for axis in case.axes
+    ]
+
+
+def mode_records(case: Case) -> list[Record]:
+    """The modes of a case's scalars, with the traditional model's frequency and damping beside each."""
+    rigid = list(modes(case.vehicle.traditional()))
+    records: list[Record] = []
+    for mode in modes(case.vehicle):
+        twin = next((m for m in rigid if m.name == mode.name), None)
+        if twin:
+            rigid.remove(twin)
+        records.append(
+            {
+                "mode": mode.name,
+                "Hz": mode.natural_frequency,
+                "damping": mode.damping_ratio,
+                "decay_s": mode.time_constant,
+                "Hz_rigid_joints": twin.natural_frequency if twin else None,
+                "damping_rigid_joints": twin.damping_ratio if twin else None,
+                "shape": ", ".join(f"{body} {value:+.3f}" for body, value in mode.shape.items()),
+            }
+        )
+    for mode in rigid:
+        records.append(
+            {
+                "mode": mode.name,
+                "Hz": None,
+                "damping": None,
+                "decay_s": None,
+                "Hz_rigid_joints": mode.natural_frequency,
+                "damping_rigid_joints": mode.damping_ratio,
+                "shape": "",
+            }
+        )
+    return records
+
+
+_IN_RESPONSE_UNITS = ("RMS", "rigid_joints", "smallest", "largest", "simulated", "interval_low", "interval_high")
+
+
+def in_shown_units(records: Sequence[Record]) -> list[Record]:
+    """Records of a result's variables as people read them: in mm rather than m, and without the variable's name."""
+    shown = []
+    for record in records:
+        response = RESPONSES[record["variable"].removeprefix("traditional_").removesuffix("_rms")]
+        scaled = {key: record[key] * response.shown_scale for key in _IN_RESPONSE_UNITS if key in record}
+        shown.append({k: v for k, v in record.items() if k != "variable"} | scaled | {"unit": response.shown_unit})
+    return shown
+
+
+# --- a result --------------------------------------------------------------------------------------
+
+
+def result_ranges(dataset: xr.Dataset) -> list[Record]:
+    """Smallest and largest RMS of each response over the grid, and the largest error estimate."""
+    records: list[Record] = []
+    for prefix, words in PREFIXES.items():
+        for name, response in RESPONSES.items():
+            variable = f"{prefix}{name}_rms"
+            if variable not in dataset:
+                continue
+            values, error = dataset[variable].values, dataset[f"{variable}_relative_error"].values
+            has = np.isfinite(values)
+            records.append(
+                {
+                    "variable": variable,
+                    "response": response.long_name,
+                    "model": words.split(",")[0].replace("model with damper joints", "joints").split(" ")[0],
+                    "smallest": float(values[has].min()) if has.any() else math.nan,
+                    "largest": float(values[has].max()) if has.any() else math.nan,
+                    "unit": response.unit,
+                    "largest_error": float(error[has].max()) if has.any() else math.nan,
+                }
+            )
+    return records
+
+
+def largest_error(dataset: xr.Dataset) -> float:
+    """The largest relative error estimate among all RMS values of a result; nan if there are none."""
+    errors = [v.values for k, v in dataset.data_vars.items() if str(k).endswith("_rms_relative_error")]
+    return max((float(np.nanmax(e)) for e in errors if np.isfinite(e).any()), default=math.nan)
+
+
+def result_axes(dataset: xr.Dataset) -> list[Record]:
+    """The swept parameters of a result: name, number of values, first, last, unit."""
+    return [
+        {
+            "axis": name,
+            "values": int(dataset.sizes[name]),
+            "first": float(dataset[name].values[0]),
+            "last": float(dataset[name].values[-1]),
+            "unit": axis_unit(dataset, name),
+        }
+        for name in swept(dataset)
+    ]
+
+
+def result_tables(dataset: xr.Dataset) -> list[str]:
+    """The axes and the ranges of a result as tables."""
+    axes = [
+        {k: axis[k] for k in ("axis", "values")}
+        | {end: axis_label(dataset, axis["axis"], at) for end, at in (("first", 0), ("last", -1))}
+        for axis in result_axes(dataset)
+    ]
+    return [table(records) for records in (axes, in_shown_units(result_ranges(dataset))) if records]
+
+
+def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
+    """One point as facts to print as JSON and as lines of text; one that the grid lacks is computed anew, and said so.
+
+    Where it is, what has no result and why if so, and RMS with and without joints at every position.
+    """
+    found = find(dataset, point)
+    dataset, indices = found.dataset, found.index
+    facts: Record = {
+        "point": {name: float(dataset[name].values[i]) for name, i in indices.items()},
+        "units": {name: axis_unit(dataset, name) for name in indices},
+        "computed_anew": list(found.anew),
+    }
+    where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
+    lines = [where, *filter(None, [found.note])]
+    for prefix, words in PREFIXES.items():
+        flags = dataset[f"{prefix}status"]
+        status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
+        facts[f"{prefix}status"] = str(flags.attrs["flag_meanings"]).split()[status]
+        if status:
+            stored = [name for name in RESPONSES if f"{prefix}{name}_rms" in dataset]
+            lacking = [name for name in stored if _lacks(dataset[f"{prefix}{name}_rms"], indices)]
+            of = f" for {', '.join(lacking)}" if lacking != stored else ""
+            lines.append(f"{words}: no result{of}, status {facts[f'{prefix}status']}")
+    records: list[Record] = []
+    for name, response in RESPONSES.items():
+        if f"{name}_rms" not in dataset:
+            continue
+        values = {}
+        for key in (f"{name}_rms", f"traditional_{name}_rms", f"{name}_rms_relative_error"):
+            array = dataset[key]
+            values[key] = np.atleast_1d(array.isel({k: i for k, i in indices.items() if k in array.dims}).values)
+        for place, label in enumerate(response.positions or ("",)):
+            joint, rigid, error = (float(v[place]) for v in values.values())
+            records.append(
+                {
+                    "variable": f"{name}_rms",
+                    "response": response.long_name,
+                    "at": str(label) if response.dimension != "axle" else f"axle {label}",
+                    "RMS": joint,
+                    "rigid_joints": rigid,
+                    "unit": response.unit,
+                    "difference_percent": 100 * (joint / rigid - 1),
+                    "relative_error": error,
+                }
+            )
+    return facts | {"numbers": records}, [*lines, table(in_shown_units(records))]
+
+
+def _lacks(array: xr.DataArray, indices: Mapping[str, int]) -> bool:
+    """Whether a response lacks a number at a grid point."""
+    at_point = array.isel({k: i for k, i in indices.items() if k in array.dims})
+    return not np.isfinite(at_point.values).all()
+
+
+def result_head(dataset: xr.Dataset) -> str:
+    """Title, band, origin and grid of a result, and its failures, as lines of text."""
+    attributes = dataset.attrs
+    lines = [
+        str(attributes.get("title", attributes["case_name"])),
+        f"case {attributes['case_name']}, band {attributes['band']}, written by {attributes['source']}",
+        *(f"WARNING {line}" for line in first_failures(dataset)),
+    ]
+    return "\n".join(map(printable, lines))
+
+
+def case_head(case: Case) -> str:
+    """Title, track, band and speed of a case as lines of text."""
+    track = f"track {case.spectrum.name}, band {band_text(case.band)}, {shown_value('speed', case.speed)}"
+    return "\n".join(printable(line) for line in (case.title or case.name, track))
+
+
+def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[Record, list[str]]:
+    """A confirmation as facts for JSON and as lines of text: conditions, a table a point, what it sees, what fails.
+
+    point: the only one to tell of. Raises InputError if it is not among those confirmed.
+    """
+    attributes = dataset.attrs
+    chosen = range(dataset.sizes["point"]) if point is None else [confirmed_point(dataset, point)]
+    tables = {str(dataset["place"].values[i]): confirmation.records(dataset, i) for i in chosen}
+    shared = {str(dataset["place"].values[i]): confirmation.shared(dataset, i) for i in chosen}
+    faults, missing, power = (
+        confirmation.problems(dataset),
+        confirmation.not_checked(dataset),
+        confirmation.power(dataset),
+    )
+    head = [
+        str(attributes.get("title", attributes["case_name"])),
+        f"{confirmation.band_note(dataset)}; {attributes['realisations']} Gaussian records of "
+        f"{attributes['duration_s']:g} s, seed {attributes['seed']}, {attributes['integrator']}",
+    ]
+    lines = [printable(line) for line in head]
+    for where, numbers in tables.items():
+        columns = [column for column in confirmation.TABLE if column in numbers[0]]
+        lines += ["", printable(where), table(in_shown_units(numbers), columns), _shared_text(shared[where])]
+    lines += [
+        "",
+        "verdict: simulated RMS inside the interval that holds for all checks together with "
+        f"{100 * float(attributes['verdict_confidence']):g} %, wider than the 95 % one above: half of it is +-%; "
+        "the other columns are relative differences",
+        "",
+        "smallest fault of an RMS that this run would have seen, over its points and models",
+        table(power),
+        "",
+    ]
+    total = confirmation.count_of_checks(dataset)
+    if faults:
+        words = f"{total} checks: NOT all stand"
+    elif missing:
+        words = f"{total} checks: those that could be made stand; not checked:"
+    else:
+        words = f"{total} checks: all stand"
+    lines += [words, *(f"  {line}" for line in missing)]
+    axes = [str(name) for name in dataset.coords if name in SWEEPABLE and dataset[name].dims == ("point",)]
+    facts = {
+        "title": head[0],
+        "conditions": head[1],
+        "points": tables,
+        "shared": shared,
+        "power": power,
+        "axes": {
+            str(dataset["place"].values[i]): {name: float(dataset[name].values[i]) for name in axes} for i in chosen
+        },
+        "units": {name: axis_unit(dataset, name) for name in axes},
+        "problems": faults,
+        "not_checked": missing,
+    }
+    return facts, lines
+
+
+def _shared_text(shared: Record) -> str:
+    """What both sides of a confirmation share at a point, as a line of text."""
+    lags = ", ".join(number(1e3 * lag) for lag in shared["lags_s"])
+    simulated = ", ".join(number(1e3 * lag) for lag in shared["simulated_lags_s"])
+    track = "; ".join(
+        f"{row['range']} {number(row['simulated_mm'], 5)} mm simulated, {number(row['mm'], 5)} mm by the spectrum"
+        for row in shared["track"]
+    )
+    load, stiffness = number(shared["static_wheel_load_N"]), number(shared["contact_stiffness_N_per_m"], 5)
+    return (
+        f"shared by both sides: P0 {load} N, K_H {stiffness} N/m, lags {lags} ms (on the track simulated {simulated})\n"
+        f"track, standard deviation: {track}"
+    )

@@ -1,0 +1,1 @@
+"""The time domain: points of a result held against simulations."""

@@ -1,0 +1,227 @@
+"""How a point is simulated: band, records, integrator, start, sampling; what of it can be known before the run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.confirm.crosschecks import state_response
+from freqrail.confirm.integrators import Accuracy
+from freqrail.confirm.time_side import OperatingPoint, TimeSide, time_side, vehicles
+from freqrail.errors import InputError
+from freqrail.model.responses import PAPER, series_count
+from freqrail.model.spectrum import frequency_psd
+from freqrail.reduction.chains import poles
+
+MODELS = ("joint", "traditional")
+
+
+SOLVER_TOLERANCE = {"rk45": 2e-5, "exponential": 2e-5, "radau": 2e-5, "newmark": 1e-3}
+"""Largest solver error, relative, that an integrator is allowed."""
+
+
+FORGOTTEN = 1e-5  # what is left of the start's transient when the measured period begins
+
+
+RESOLVED = 1e-3  # a mode in the band must decay by this within a record, or the lines step over its peak
+
+
+RAMP = 4.0  # s, over which the track rises at the start
+
+
+NEAR = 40.0 / RAMP  # Hz beyond the band's end where the ramp's own spectrum still strikes a mode
+
+
+SAMPLES_A_PERIOD = (10, 14, 20, 28, 40, 56, 80)  # of the track, at the highest line: the first that will do
+
+
+IMAGES = 1e-6  # what the images of the track's spline may add to an RMS, relative
+
+
+IMAGE_LINES = 400  # at which they are reckoned
+
+
+STEPS_A_PERIOD = 5  # at least, of an integrator with error control, at the highest line
+
+
+KEPT_EVERY = 2  # steps of the track: the responses keep five samples a period of the highest line
+
+
+NEWMARK_SUBSTEPS = 8
+
+
+WELL_DAMPED = 0.02  # damping ratio below which an integrator's own damping would show at the default tolerance
+
+
+MOST_MEMORY = 4e9  # bytes of tracks and responses
+
+
+HISTORY = 10.0  # s of the first record that are kept to be drawn
+
+
+PSD_LINES = 600  # lines, at most, at which spectra are kept
+
+
+GOOD_TRACK = (3.0, 25.0)  # m, the wavelengths by which track standards judge a track (EN 13848-1, range D1)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How a point is simulated.
+
+    limits: the band, Hz. period: length of a record, s. realisations: Gaussian records, beside one of fixed
+    amplitudes. integrator: of `integrators.INTEGRATORS`. start: "rest" or "steady". seed: see `realisation.stream`.
+    accuracy: None for the defaults. interpolation: of the track between samples, "cubic" (or, to show what
+    it does, "linear"). names: of the responses. finer: times the track's samples that will do.
+    """
+
+    limits: tuple[float, float]
+    period: float = 60.0
+    realisations: int = 8
+    integrator: str = "rk45"
+    start: str = "rest"
+    seed: int = 0
+    accuracy: Accuracy = field(default_factory=lambda: Accuracy(substeps=NEWMARK_SUBSTEPS))
+    interpolation: str = "cubic"
+    names: tuple[str, ...] = PAPER
+    finer: int = 1
+
+    def tighter(self) -> Conditions:
+        """The same ten times tighter: tolerances; the steps of a method of second order; else the track's samples."""
+        accuracy = replace(
+            self.accuracy,
+            relative=self.accuracy.relative / 10,
+            absolute=self.accuracy.absolute / 10,
+            substeps=math.ceil(self.accuracy.substeps * math.sqrt(10)),
+        )
+        return replace(self, accuracy=accuracy, finer=2 if self.integrator == "exponential" else 1)
+
+
+def slowest_decay(point: OperatingPoint, highest: float) -> float:
+    """Decay rate, 1/s, of the slowest mode of either model that a band up to `highest` [Hz] strikes."""
+    return float(np.min(-_struck(point, highest).real))
+
+
+def accuracy(point: OperatingPoint, plan: Conditions) -> Accuracy:
+    """The plan's accuracy, tighter where a mode in the band is so little damped that rk45's own damping would show."""
+    modes = _struck(point, plan.limits[1])
+    least = float(np.min(-modes.real / np.abs(modes)))
+    sharper = min(1.0, least / WELL_DAMPED)
+    longest = min(plan.accuracy.longest_step, 1 / (STEPS_A_PERIOD * plan.limits[1]))
+    return replace(
+        plan.accuracy,
+        relative=plan.accuracy.relative * sharper,
+        absolute=plan.accuracy.absolute * sharper,
+        longest_step=longest,
+    )
+
+
+def _struck(point: OperatingPoint, highest: float) -> NDArray[np.complex128]:
+    """Poles of both models, rad/s, that a band up to `highest` [Hz] strikes."""
+    both = np.concatenate([poles(vehicle) for vehicle in vehicles(point).values()])
+    if not np.isfinite(both).all():
+        raise InputError("the vehicle's numbers are too far apart for double precision: nothing to simulate")
+    return both[np.abs(both.imag) <= 2 * np.pi * (highest + NEAR)]
+
+
+def startup(point: OperatingPoint, plan: Conditions) -> float:
+    """Seconds from the start until the measured period: the ramp, then ln(1e5)/sigma of the slowest mode struck."""
+    if plan.start == "steady":
+        return 0.0
+    return RAMP + math.log(1 / FORGOTTEN) / slowest_decay(point, plan.limits[1])
+
+
+def check_plan(point: OperatingPoint, plan: Conditions) -> None:
+    """Raise InputError for a plan that cannot answer: records too short for a mode, or more than fits the memory."""
+    decay = slowest_decay(point, plan.limits[1])
+    if decay <= 0:
+        raise InputError("a mode inside the band is undamped: it has no steady response to confirm")
+    least = math.log(1 / RESOLVED) / decay
+    if plan.period < least:
+        raise InputError(
+            f"records of {plan.period:g} s are too short: a mode inside the band decays at {decay:.3g} 1/s, and the "
+            f'lines of a record must resolve its peak; --duration "{math.ceil(least)} s" or more is due, or a --band '
+            "without that mode"
+        )
+    samples = (plan.period + startup(point, plan)) * sampling_rate(point, plan, time_side(point, plan.names))
+    needed = 8 * samples * (6 * min(plan.realisations + 1, BATCH) + 2 * series_count(plan.names))
+    needed += 16 * plan.limits[1] * plan.period * (plan.realisations + 1)
+    if needed > MOST_MEMORY:
+        raise InputError(
+            f"{plan.realisations} records of {plan.period:g} s take {needed / 1e9:.3g} GB of memory, more than "
+            f"{MOST_MEMORY / 1e9:g} GB; give a smaller --duration or fewer --realisations"
+        )
+
+
+def track_ranges(point: OperatingPoint, plan: Conditions) -> NDArray[np.float64]:
+    """Limits, Hz, of the ranges in which a record's track is checked: GOOD_TRACK as far as the band reaches, the band.
+
+    [range, 2]; an empty range is NaN.
+    """
+    shortest, longest = GOOD_TRACK
+    low, high = max(plan.limits[0], point.speed / longest), min(plan.limits[1], point.speed / shortest)
+    return np.array([[low, high] if low < high else [np.nan, np.nan], plan.limits])
+
+
+def simulated_seconds(point: OperatingPoint, plan: Conditions, tighter: bool = False) -> float:
+    """Seconds that `examine` simulates, a state of many columns counted once."""
+    once = startup(point, plan) + plan.period
+    return once * len(groups(plan)) * (-(-(plan.realisations + 1) // BATCH) + tighter)
+
+
+def sampling_rate(point: OperatingPoint, plan: Conditions, side: TimeSide) -> float:
+    """Samples of the track a second: enough for the highest line, and for its images to leave every RMS alone.
+
+    They must clear every mode, for an undamped wheelset there would answer them, and add less than IMAGES to an RMS.
+    """
+    highest = plan.limits[1] + 0.5 / plan.period
+    modes = max(float(np.abs(np.linalg.eigvals(model.a).imag).max()) / (2 * np.pi) for model in side.models.values())
+    rate = math.inf
+    for samples in SAMPLES_A_PERIOD:
+        rate = max(samples * highest, highest + 2 * modes)
+        if plan.interpolation != "cubic" or image_bound(point, plan, side, rate) <= IMAGES:
+            break
+    return rate * plan.finer
+
+
+def image_bound(point: OperatingPoint, plan: Conditions, side: TimeSide, rate: float) -> float:
+    """Upper bound of what the images of a cubic spline with `rate` samples a second add to any RMS, relative.
+
+    A line at f has images at m rate -+ f, (f/(m rate -+ f))^4 of its height. The kept samples cannot tell the first of
+    them from the line, so that they may add up in phase: sum |Y_k| |image_k|/sum |Y_k|^2.
+    """
+    lines = np.linspace(*plan.limits, IMAGE_LINES)
+    density = frequency_psd(point.spectrum, lines, point.speed)
+    images = [(image, (lines / image) ** 4) for m in (1, 2) for image in (m * rate - lines, m * rate + lines)]
+    worst = 0.0
+    for name, model in side.models.items():
+        own, *others = (
+            np.abs(state_response(model, side.readout[name], side.feedthrough[name], side.lags, frequency))
+            for frequency in (lines, *(image for image, _ in images))
+        )
+        added = sum(other * height for other, (_, height) in zip(others, images, strict=True))
+        worst = max(worst, float(np.max((own * added) @ density / (own**2 @ density))))
+    return worst
+
+
+def integrator_of(plan: Conditions, model: str) -> str:
+    """The integrator that runs a model."""
+    return next(integrator for integrator, models in groups(plan) if model in models)
+
+
+def tolerance(plan: Conditions) -> NDArray[np.float64]:
+    """Largest solver error, relative, that the integrators of a plan are allowed, [model, 1]."""
+    return np.array([[SOLVER_TOLERANCE[integrator_of(plan, model)]] for model in MODELS])
+
+
+BATCH = 16  # records that are columns of one state
+
+
+def groups(plan: Conditions) -> list[tuple[str, tuple[str, ...]]]:
+    """(integrator, models that it runs together): as in the paper, newmark is for the traditional model alone."""
+    if plan.integrator == "newmark":
+        return [("rk45", ("joint",)), ("newmark", ("traditional",))]
+    return [(plan.integrator, MODELS)]

@@ -1,0 +1,389 @@
+"""The evidence of a confirmation as a labelled dataset; `freqrail.result.confirmation` reads it.
+
+Dimensions: point, model (joint, traditional), the position of a response, record; series for the verdicts, which are
+of every response that the result holds. Swept parameters are coordinates of the points, in the units of the result.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy
+import xarray as xr
+from numpy.typing import NDArray
+
+from freqrail.case.axis import Axis
+from freqrail.case.quantities import unit_factor
+from freqrail.confirm import conditions as confirm_conditions
+from freqrail.confirm import statistics
+from freqrail.confirm.conditions import MODELS
+from freqrail.confirm.references import References
+from freqrail.confirm.run import Run
+from freqrail.confirm.simulation import Simulation
+from freqrail.model import responses
+from freqrail.model.band import band_text
+from freqrail.model.inputs import wheel_lags
+from freqrail.model.responses import RESPONSES
+from freqrail.result import verdicts
+from freqrail.result.axes import grid_axis, swept
+from freqrail.result.confirmation import CHECKS, series_labels, series_of
+from freqrail.result.content import content_digest, whole
+from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates
+from freqrail.result.layout import flags
+
+KERNEL_TOLERANCE = 2e-6  # the kernel's numbers are good to 1e-6
+LINE_SAFETY = 2.0  # times what a record twice as long changes, which is about what the lines miss
+ROUNDING_SAFETY = 10.0  # times what another scaling of the states changes
+DISAGREEMENT = 1e-5  # relative; the result's numbers and the ones computed here are both good to 1e-6
+PSD_TOLERANCE = 1e-5  # of the result's spectra, relative to the line itself and PSD_FLOOR of the highest
+PSD_FLOOR = 1e-6
+LINE_PSD_TOLERANCE = {"rk45": 1e-3, "exponential": 1e-3, "radau": 1e-3, "newmark": 1e-1}  # of the highest line
+TRACK_TOLERANCE = 1e-4  # of the record's standard deviation
+RANGES = ("3-25 m", "band")
+"""Ranges of the track's standard deviation: the wavelengths of track standards as far as the band reaches, the band."""
+
+Variables = dict[str, tuple[Any, Any, dict[str, Any]]]
+
+
+def label(run: Run, evidence: Sequence[Simulation], found: Sequence[References]) -> xr.Dataset:
+    """What was found at the points of a run, judged, named and with units. found: the frequency domain's numbers."""
+    by_series = _checks(run, evidence, found)
+    described: Variables = {
+        name: (("point", "model", "series"), values, attributes) for name, (values, attributes) in by_series.items()
+    }
+    variables = described | _by_response(run, evidence, found, by_series) | _by_point(run, evidence, found)
+    return xr.Dataset(variables, _coordinates(run, evidence), _attributes(run, evidence))
+
+
+def _checks(
+    run: Run, evidence: Sequence[Simulation], found: Sequence[References]
+) -> dict[str, tuple[NDArray, dict[str, Any]]]:
+    """Differences, tolerances and verdicts, [point, model, series], by name with their attributes."""
+    kernel = np.array([f.kernel for f in found])
+    pooled, degrees = np.array([e.pooled for e in evidence]), np.array([e.degrees for e in evidence])
+    low, high = statistics.interval(pooled, degrees, statistics.simultaneous(kernel.size))
+    solver = np.array([e.solver_error for e in evidence])
+    differences: dict[str, NDArray[np.float64]] = {
+        "kernel": kernel / np.array([f.line_spectrum for f in found]) - 1,
+        "result": _stored(run, "rms") / np.array([f.own for f in found]) - 1,
+    }
+    tolerances = {
+        "kernel": KERNEL_TOLERANCE + LINE_SAFETY * np.array([f.line_change for f in found]),
+        "result": np.full_like(kernel, DISAGREEMENT),
+    }
+    if run.case.band is None:
+        covariance = np.array([f.covariance for f in found])
+        rounding = np.array([f.covariance_rounding for f in found])
+        differences["whole_axis"] = np.array([f.own for f in found]) / covariance - 1
+        tolerances["whole_axis"] = KERNEL_TOLERANCE + ROUNDING_SAFETY * rounding
+    psd, line_psd = _spectral_differences(run, evidence, found)
+    judged = {
+        "solver": statistics.tolerance_verdicts(
+            solver, _by_model(run, confirm_conditions.SOLVER_TOLERANCE), verdicts.FAILED
+        ),
+        "statistical": statistics.statistical_verdicts(pooled, degrees, kernel, kernel.size),
+        **{name: statistics.tolerance_verdicts(value, tolerances[name]) for name, value in differences.items()},
+        "psd": statistics.tolerance_verdicts(line_psd, _by_model(run, LINE_PSD_TOLERANCE), verdicts.FAILED),
+    }
+    if run.frequency.size:
+        stored = statistics.tolerance_verdicts(psd, np.full_like(kernel, PSD_TOLERANCE))
+        judged["psd"] = np.where(stored == verdicts.CONFIRMED, judged["psd"], stored)
+    number = {"units": "1"}
+    width = (high - low) / 2 / pooled
+    seen = np.maximum(high / kernel - 1, 1 - low / kernel)
+    return {
+        **{
+            f"verdict_{name}": (judged[name], flags(verdicts.VERDICTS, f"{name.replace('_', ' ')} check: {what}"))
+            for name, what in CHECKS.items()
+            if name in judged
+        },
+        "solver_error": (
+            solver,
+            number | {"long_name": "largest relative difference of a record's RMS from its line spectrum's"},
+        ),
+        **{
+            f"{name}_difference": (value, number | {"long_name": f"relative difference: {CHECKS[name]}"})
+            for name, value in differences.items()
+        },
+        **{
+            f"{name}_tolerance": (tolerances[name], number | {"long_name": f"largest {name}_difference allowed"})
+            for name in differences
+        },
+        "psd_difference": (
+            psd,
+            number | {"long_name": "largest relative difference of the result's PSD from the states' response"},
+        ),
+        "line_psd_difference": (
+            line_psd,
+            number | {"long_name": "largest difference of the PSD of record 0 from that of its lines, of the highest"},
+        ),
+        "half_width": (
+            width,
+            number | {"long_name": "half of the interval that decides, of the simulated RMS"},
+        ),
+        "smallest_fault_seen": (
+            seen,
+            number | {"long_name": "smallest relative fault of the RMS that this simulation would have seen"},
+        ),
+        "degrees_of_freedom": (degrees, number | {"long_name": "degrees of freedom of the pooled mean square"}),
+    }
+
+
+def _by_model(run: Run, tolerance: Mapping[str, float]) -> NDArray[np.float64]:
+    """What the integrators of a run are allowed, [model, 1]."""
+    return np.array([[tolerance[confirm_conditions.integrator_of(run.plans[0], model)]] for model in MODELS])
+
+
+def _spectral_differences(
+    run: Run, evidence: Sequence[Simulation], found: Sequence[References]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Largest relative differences of the result's PSDs and of record 0's lines, [point, model, series] each."""
+    lines = np.array([np.max(np.abs(e.psd_simulated - e.psd), -1) / np.max(e.psd, -1) for e in evidence])
+    if not run.frequency.size:
+        return np.full_like(lines, np.nan), lines
+    own = np.array([f.psd for f in found])
+    size = own + PSD_FLOOR * np.max(own, axis=-1, keepdims=True)
+    return np.max(np.abs(_stored(run, "psd") - own) / size, axis=-1), lines
+
+
+def _by_response(
+    run: Run, evidence: Sequence[Simulation], found: Sequence[References], checks: Mapping[str, tuple[NDArray, Any]]
+) -> Variables:
+    """The numbers behind the checks, a variable a response: <response>_<what>."""
+    pooled, degrees = np.array([e.pooled for e in evidence]), checks["degrees_of_freedom"][0]
+    low, high = statistics.interval(pooled, degrees)
+    verdict_low, verdict_high = statistics.interval(pooled, degrees, statistics.simultaneous(pooled.size))
+    every: dict[str, tuple[Any, str, tuple[str, ...]]] = {
+        "rms_frequency_domain": ([f.kernel for f in found], "RMS by frequency responses, continuous spectrum", ()),
+        "rms_line_spectrum": ([e.line_spectrum for e in evidence], "RMS of a record by its line spectrum", ("record",)),
+        "rms_time_domain": ([e.simulated for e in evidence], "RMS of a record by simulation", ("record",)),
+        "rms_pooled": (pooled, "RMS of all Gaussian records together by simulation", ()),
+        "rms_interval_low": (low, "lower limit of the 95 % interval by simulation", ()),
+        "rms_interval_high": (high, "upper limit of the 95 % interval by simulation", ()),
+        "rms_verdict_low": (verdict_low, "lower limit of the interval that decides", ()),
+        "rms_verdict_high": (verdict_high, "upper limit of the interval that decides", ()),
+        "psd_frequency_domain": (_padded([e.psd for e in evidence]), "one-sided PSD by frequency responses", ("line",)),
+        "psd_time_domain": (
+            _padded([e.psd_simulated for e in evidence]),
+            "one-sided PSD of record 0 by simulation",
+            ("line",),
+        ),
+        # single precision: these are to be drawn, and would be most of the file
+        "history": (
+            _padded([e.histories for e in evidence]).astype(np.float32),
+            "beginning of record 0 by simulation",
+            ("sample",),
+        ),
+    }
+    if run.case.band is None:
+        every["rms_whole_axis"] = ([f.own for f in found], "RMS over the whole axis by the closed form", ())
+        every["rms_covariance"] = (
+            [f.covariance for f in found],
+            "RMS over the whole axis by the covariance of the simulated states",
+            (),
+        )
+    variables: Variables = {}
+    for name, part in series_of(run.names).items():
+        response = RESPONSES[name]
+        place = (response.dimension,) if response.dimension else ()
+        for suffix, (values, what, last) in every.items():
+            unit = response.psd_unit if suffix.startswith("psd") else response.unit
+            own = np.asarray(values)[:, :, part]
+            variables[f"{name}_{suffix}"] = (
+                ("point", "model", *place, *last),
+                own if place else own[:, :, 0],
+                {"units": unit, "long_name": f"{response.long_name}: {what}"},
+            )
+    return variables
+
+
+def _by_point(run: Run, evidence: Sequence[Simulation], found: Sequence[References]) -> Variables:
+    """The track of record 0, what both sides share, and how the points were run."""
+    metre, number, second = {"units": "m"}, {"units": "1"}, {"units": "s"}
+    simulated, closed = np.array([e.track_deviation for e in evidence]), np.array([f.track_deviation for f in found])
+    ranges = np.array(
+        [confirm_conditions.track_ranges(point, plan) for point, plan in zip(run.points, run.plans, strict=True)]
+    )
+    speed = np.array([[[point.speed]] for point in run.points])
+    judged = statistics.tolerance_verdicts(simulated / closed - 1, np.full(closed.shape, TRACK_TOLERANCE))
+    return {
+        "computed_anew": (
+            "point",
+            np.array([bool(place.anew) for place in run.places], dtype=np.int8),
+            flags(("on_the_grid", "computed_anew"), "whether the result's grid lacks the point"),
+        ),
+        "verdict_track": (
+            ("point", "wavelength_range"),
+            judged,
+            flags(verdicts.VERDICTS, "track check: standard deviation of record 0 against that of the spectrum"),
+        ),
+        "track_deviation_simulated": (
+            ("point", "wavelength_range"),
+            simulated,
+            metre | {"long_name": "standard deviation of the track height of record 0 under the first wheel"},
+        ),
+        "track_deviation": (
+            ("point", "wavelength_range"),
+            closed,
+            metre | {"long_name": "standard deviation of the track height by the spectrum's closed form"},
+        ),
+        "wavelengths": (
+            ("point", "wavelength_range", "limit"),
+            (speed / ranges)[..., ::-1],
+            metre | {"long_name": "shortest and longest wavelength of a range"},
+        ),
+        "static_wheel_load": (
+            "point",
+            np.array([f.wheel_load for f in found]),
+            {"units": "N", "long_name": "static load of a wheel P0 (below eq. 1)"},
+        ),
+        "contact_stiffness_used": (
+            "point",
+            np.array([point.vehicle.contact_stiffness for point in run.points]),
+            {"units": "N m-1", "long_name": "contact stiffness K_H (eq. 1)"},
+        ),
+        "lag": (
+            ("point", "axle"),
+            np.array([wheel_lags(point.vehicle, point.speed) for point in run.points]),
+            second | {"long_name": "lag of a wheel behind the first (eq. 2)"},
+        ),
+        "lag_simulated": (
+            ("point", "axle"),
+            np.array([e.lags for e in evidence]),
+            second | {"long_name": "lag of a wheel behind the first, read off the track of record 0"},
+        ),
+        "track_height": (
+            ("point", "axle", "sample"),
+            _padded([e.heights for e in evidence]).astype(np.float32),
+            metre | {"long_name": "track height under the wheels, beginning of record 0"},
+        ),
+        "startup": (
+            "point",
+            np.array([e.startup for e in evidence]),
+            second | {"long_name": "simulated before the measured period and discarded, the ramp included"},
+        ),
+        "solver_tolerance": (
+            "model",
+            _by_model(run, confirm_conditions.SOLVER_TOLERANCE)[:, 0],
+            number | {"long_name": "largest solver error that is allowed"},
+        ),
+        "relative_tolerance": (
+            "point",
+            np.array(
+                [
+                    confirm_conditions.accuracy(point, plan).relative
+                    for point, plan in zip(run.points, run.plans, strict=True)
+                ]
+            ),
+            number | {"long_name": "rtol of rk45 and radau"},
+        ),
+    }
+
+
+def _padded(arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Arrays of different lengths as one, [point, ..., longest], NaN behind the shorter ones."""
+    longest = max(array.shape[-1] for array in arrays)
+    return np.array(
+        [np.pad(a, [(0, 0)] * (a.ndim - 1) + [(0, longest - a.shape[-1])], constant_values=np.nan) for a in arrays]
+    )
+
+
+def _coordinates(run: Run, evidence: Sequence[Simulation]) -> dict[str, Any]:
+    coordinates: dict[str, Any] = {
+        "point": ("point", np.arange(1, len(run.points) + 1, dtype=np.int32), {"long_name": "confirmed grid point"}),
+        "model": ("model", np.array(MODELS), {"long_name": "with damper joints, or traditional with rigid ones"}),
+        "series": ("series", np.array(series_labels(run.names)), {"long_name": "response and position"}),
+        "wavelength_range": ("wavelength_range", np.array(RANGES), {"long_name": "range of wavelengths of the track"}),
+        "record": (
+            "record",
+            np.arange(run.plans[0].realisations + 1, dtype=np.int32),
+            {"long_name": "record: 0 with fixed amplitudes and random phases, the others Gaussian"},
+        ),
+        "place": ("point", np.array(run.labels), {"long_name": "the grid point in words"}),
+        "frequency": (
+            ("point", "line"),
+            _padded([e.frequency for e in evidence]),
+            {"units": "Hz", "long_name": "frequency of the lines at which spectra are kept"},
+        ),
+        "time": (
+            ("point", "sample"),
+            _padded([e.time for e in evidence]),
+            {"units": "s", "long_name": "time from the start of the measured period"},
+        ),
+    }
+    for name in swept(run.dataset):
+        for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case.masses).items():
+            coordinates[key] = ("point", values, described)
+    coordinates |= scalar_coordinates(run.case, run.band)
+    coordinates |= position_coordinates({RESPONSES[name].dimension for name in run.names} | {"axle"})
+    return coordinates
+
+
+def _axis_of_points(run: Run, name: str) -> Axis:
+    """A swept parameter's value at every point, in the result's unit whether the point is on its grid or not."""
+    axis = grid_axis(run.dataset, name)
+    factor = float(unit_factor(axis.unit)[0])
+    si = [grid_axis(place.dataset, name).si[place.index[name]] for place in run.places]
+    values = [si[n] / factor if place.anew else axis.values[place.index[name]] for n, place in enumerate(run.places)]
+    return replace(axis, values=np.array(values), si=np.array(si))
+
+
+def _attributes(run: Run, evidence: Sequence[Simulation]) -> dict[str, Any]:
+    """The dataset's attributes: its case's and the conditions of the runs."""
+    plan = run.plans[0]
+    described = attributes(run.case, "confirmation")
+    versions = json.loads(described["versions"]) | {"scipy": scipy.__version__}
+    steady = plan.start == "steady"
+    accuracy = plan.accuracy
+    discard = f"ln({1 / confirm_conditions.FORGOTTEN:g})/sigma of the slowest mode below the band's end"
+    conditions = {
+        "source": f"freqrail {versions['freqrail']}, simulation of the half vehicle against its frequency response",
+        "result_content_digest": content_digest(run.dataset),
+        "result_band": str(run.dataset.attrs["band"]),
+        "band": band_text(run.band),
+        "seed": whole(plan.seed),
+        "realisations": whole(plan.realisations),
+        "duration_s": plan.period,
+        "integrator": "; ".join(f"{model}: {confirm_conditions.integrator_of(plan, model)}" for model in MODELS),
+        "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, smaller where a mode in the band is damped by less "
+        f"than {confirm_conditions.WELL_DAMPED:g}, atol the same share of a state's RMS, longest step 1/"
+        f"{confirm_conditions.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a sample of the "
+        "track; exponential: exact for the track's spline",
+        "interpolation": "periodic cubic spline, harmonics in the band exact, images below "
+        f"{confirm_conditions.IMAGES:g} of an RMS",
+        "start": plan.start,
+        "ramp_s": 0.0 if steady else confirm_conditions.RAMP,
+        "discard_rule": "nothing: the start is the lines' own steady state" if steady else f"the ramp, then {discard}",
+        "tighter_repeat": "record 0 of point 1, ten times tighter (exponential: track sampled twice as often)",
+        "tighter_repeat_change": evidence[0].tighter_change,
+        "interval_confidence": statistics.CONFIDENCE,
+        "verdict_confidence": statistics.FAMILY_CONFIDENCE,
+        "verdict_rule": "simultaneous (Bonferroni) over all statistical checks of the run",
+        "failures": "; ".join(
+            f"{place}, {model} model: {fault}"
+            for place, e in zip(run.labels, evidence, strict=True)
+            for model, fault in e.failures.items()
+        ),
+        "versions": json.dumps(versions),
+        "warnings": str(run.dataset.attrs.get("warnings", "")),
+    }
+    return {key: value for key, value in (described | conditions).items() if str(value) != ""}
+
+
+def _stored(run: Run, kind: str) -> NDArray[np.float64]:
+    """The result's own numbers at the points, "rms" [point, model, series] or "psd" [..., frequency]; NaN for none."""
+    last = run.frequency.shape if kind == "psd" else ()
+    rows = np.full((len(run.points), len(MODELS), responses.series_count(run.names), *last), np.nan)
+    for name, part in series_of(run.names).items():
+        for model, prefix in enumerate(("", "traditional_")):
+            if f"{prefix}{name}_{kind}" in run.dataset:
+                variable = run.dataset[f"{prefix}{name}_{kind}"]
+                for point, place in enumerate(run.places):
+                    at = {dim: i for dim, i in place.index.items() if dim in variable.dims}
+                    if not place.anew:
+                        rows[point, model, part] = variable.isel(at).values
+    return rows

@@ -1,0 +1,264 @@
+"""What a confirmation is to do: which points, simulated how, at what cost; every fault found before anything is run."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from freqrail.case.case import Case
+from freqrail.case.parameters import PARAMETERS, Parameter, suggestion
+from freqrail.case.quantities import given, parse_pair, parse_quantity
+from freqrail.confirm import conditions, simulation, time_side
+from freqrail.confirm.conditions import Conditions
+from freqrail.confirm.integrators import INTEGRATORS
+from freqrail.confirm.track_record import LARGEST_SEED
+from freqrail.errors import FreqrailWarning, InputError
+from freqrail.model import responses
+from freqrail.model.band import Band
+from freqrail.model.responses import RESPONSES
+from freqrail.result.axes import axis_label, grid_axis
+from freqrail.result.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
+
+WHOLE_AXIS_BAND = Band("frequency", 0.1, 100.0)
+"""What a result without a band is confirmed over: a time run cannot take in the whole axis."""
+
+STARTS = ("rest", "steady")
+MOST_REALISATIONS = 1000
+
+_DURATION = Parameter("duration", "confirm", "T", "s", "time", "60 s", "length of a record")
+_MAX_TIME = Parameter("max_time", "confirm", "t", "s", "time", "10 min", "longest wall time of a run")
+
+GivenPoints = str | Point | Sequence[str | Point]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a confirmation is to do: the points, how each is simulated, where they lie on the result's grid.
+
+    names: the responses that the result holds. band: the one confirmed over. places: where the numbers of each point
+    are, in the result or computed anew; labels: the same in words.
+    """
+
+    case: Case
+    dataset: xr.Dataset
+    names: tuple[str, ...]
+    band: Band
+    places: tuple[Place, ...]
+    labels: tuple[str, ...]
+    points: tuple[time_side.OperatingPoint, ...]
+    plans: tuple[Conditions, ...]
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Frequencies, Hz, of the spectra that the result holds: [n], none if it holds none."""
+        return self.dataset["frequency"].values if "frequency" in self.dataset else np.empty(0)
+
+    @property
+    def simulated_seconds(self) -> float:
+        """Seconds to be simulated in all, which `progress` is told of."""
+        return sum(
+            conditions.simulated_seconds(point, plan, tighter=not place)
+            for place, (point, plan) in enumerate(zip(self.points, self.plans, strict=True))
+        )
+
+    @property
+    def stored_bytes(self) -> int:
+        """Size of the confirmation in bytes, about."""
+        series = responses.series_count(self.names)
+        each = 0.0
+        for point, plan in zip(self.points, self.plans, strict=True):
+            side = time_side.time_side(point, plan.names)
+            kept = conditions.HISTORY * conditions.sampling_rate(point, plan, side) / conditions.KEPT_EVERY
+            numbers = 30 + 2 * plan.realisations + 2 * conditions.PSD_LINES
+            each = max(each, 2 * series * (8 * numbers + 4 * kept) + 24 * kept)
+        return int(len(self.points) * each) + 2 * len(self.case.text) + 200_000
+
+    def seconds(self, jobs: int = 1, integrator: str | None = None) -> float:
+        """Estimated wall time in s on `jobs` processes, from trial runs of every point's first moments."""
+        each = []
+        for place, (point, plan) in enumerate(zip(self.points, self.plans, strict=True)):
+            plan = replace(plan, integrator=integrator or plan.integrator)
+            once = simulation.seconds(point, plan)
+            if not place:
+                once += simulation.seconds(point, replace(plan.tighter(), realisations=0))
+            each.append(once)
+        return max(max(each), sum(each) / jobs)
+
+
+def prepare_run(
+    result: xr.Dataset | str | os.PathLike[str],
+    at: GivenPoints | None = None,
+    seed: int = 0,
+    realisations: int = 8,
+    duration: str = "60 s",
+    integrator: str = "rk45",
+    start: str = "rest",
+    band: str | None = None,
+) -> Run:
+    """The checked plan of `confirm`, whose arguments these are. Raises InputError."""
+    dataset = result if isinstance(result, xr.Dataset) else read_result(result)
+    if "status" not in dataset:
+        raise InputError("confirm: this dataset is no result of `freqrail sweep` (it has no variable status)")
+    problems = _option_problems(seed, realisations, integrator, start)
+    period = _quantity(_DURATION, "--duration", duration, problems)
+    case = result_case(dataset)
+    chosen = _band(band, problems) if band else case.band or WHOLE_AXIS_BAND
+    if problems:
+        raise InputError(*problems)
+    names = tuple(name for name in RESPONSES if f"{name}_rms" in dataset)
+    places = _places(dataset, case, at)
+    labels = tuple(_label_of(place) for place in places)
+    points = tuple(_point(place) for place in places)
+    plans = []
+    for label, point in zip(labels, points, strict=True):
+        plan = Conditions(_limits(chosen, point.speed), period, realisations, integrator, start, seed, names=names)
+        try:
+            conditions.check_plan(point, plan)
+        except InputError as fault:
+            raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
+        plans.append(plan)
+    return Run(case, dataset, names, chosen, tuple(places), labels, points, tuple(plans))
+
+
+def _limits(band: Band, speed: float) -> tuple[float, float]:
+    """A band in Hz at `speed` in m/s. Not by `band_limits`, whose faults a confirmation must see."""
+    return (band.low, band.high) if band.kind == "frequency" else (speed / band.high, speed / band.low)
+
+
+def check_cost(run: Run, max_time: str = "10 min", jobs: int = 1) -> float:
+    """The estimated wall time of a run, s. Raises InputError, with an alternative, if it exceeds `max_time`."""
+    problems: list[str] = []
+    limit = _quantity(_MAX_TIME, "--max-time", max_time, problems)
+    if type(jobs) is not int or jobs < 1:
+        problems.append(f"--jobs: must be a whole number, at least 1 {given(jobs)}")
+    if problems:
+        raise InputError(*problems)
+    needed = run.seconds(jobs)
+    if needed > limit:
+        integrator = run.plans[0].integrator
+        way_out = "give a smaller --duration or fewer --realisations"
+        if integrator != "exponential":
+            faster = run.seconds(jobs, "exponential")
+            way_out = f"--integrator exponential takes about {_time(faster)}, whatever the stiffness"
+        raise InputError(
+            f"confirm: {integrator} would take about {_time(needed)}, more than --max-time allows "
+            f'(got "{max_time}"); {way_out}'
+        )
+    return needed
+
+
+def _time(seconds: float) -> str:
+    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def _option_problems(seed: int, realisations: int, integrator: str, start: str) -> list[str]:
+    problems = []
+    for name, value, low, high in (
+        ("seed", seed, 0, LARGEST_SEED),
+        ("realisations", realisations, 1, MOST_REALISATIONS),
+    ):
+        if type(value) is not int or not low <= value <= high:
+            problems.append(f"--{name}: must be a whole number from {low} to {high} {given(value)}")
+    for name, choice, known in (("integrator", integrator, INTEGRATORS), ("start", start, STARTS)):
+        if choice not in known:
+            problems.append(f"--{name}: unknown{suggestion(str(choice), known)} {given(choice)}")
+    return problems
+
+
+def _quantity(parameter: Parameter, option: str, text: object, problems: list[str]) -> float:
+    try:
+        return parse_quantity(parameter, text).value
+    except ValueError as fault:
+        problems.append(f"{option}: {fault}")
+        return math.nan
+
+
+def _band(text: str, problems: list[str]) -> Band:
+    """A band from "0.1:100 Hz" or, by wavelength, "1:200 m"."""
+    kind = "wavelength" if str(text).rstrip().endswith("m") else "frequency"
+    try:
+        low, high = parse_pair(PARAMETERS[kind], text)
+    except ValueError as fault:
+        problems.append(f"--band: {fault}")
+        return WHOLE_AXIS_BAND
+    if not low.value < high.value:
+        problems.append(f"--band: the lower limit must be below the upper one {given(text)}")
+    return Band(kind, low.value, high.value)
+
+
+def _places(dataset: xr.Dataset, case: Case, at: GivenPoints | None) -> list[Place]:
+    """Where the numbers of the points are: a point off the grid is computed anew, and a warning says so.
+
+    Raises InputError for one that cannot be, or is given twice.
+    """
+    named: list[tuple[str, Point | None]]
+    if at is not None:
+        given_points = [at] if isinstance(at, str | Mapping) else list(at)
+        named = [("--at", parse_point(point) if isinstance(point, str) else point) for point in given_points]
+    else:
+        named = _own_points(dataset, case)
+    places: list[Place] = []
+    keys: list[str] = []
+    problems: list[str] = []
+    for origin, point in named:
+        try:
+            place = find_place(dataset, point, origin=origin)
+        except InputError as fault:
+            problems += fault.problems
+            continue
+        key = _point(place).key
+        if key in keys:
+            problems.append(f"{origin} the same point as point {keys.index(key) + 1}; give each once")
+        keys.append(key)
+        places.append(place)
+    if problems:
+        raise InputError(*problems)
+    for place in places:
+        if place.note:
+            warnings.warn(
+                f"{place.note}; its number is that of the case, not of the file", FreqrailWarning, stacklevel=3
+            )
+    return places
+
+
+def _own_points(dataset: xr.Dataset, case: Case) -> list[tuple[str, Point | None]]:
+    """The case's own points, with what messages call them: those on the grid, or all if none is.
+
+    `--over` may have narrowed the grid: what it has left out is warned of, and left out here too.
+    """
+    own = [(f"[confirm].points: point {n}:", point) for n, point in enumerate(case.points, start=1)]
+    off = [(origin, point, off_grid(dataset, point, origin)[1]) for origin, point in own]
+    held = [(origin, point) for origin, point, missing in off if not missing]
+    for origin, _, missing in off if held else []:
+        if missing:
+            values = ", ".join(f"{name} = {quantity.text}" for name, quantity in missing.items())
+            warnings.warn(
+                f"{origin} {values} is off the grid: left out; name it with --at to have it all the same",
+                FreqrailWarning,
+                stacklevel=4,
+            )
+    return [*held] or [*own] or [("--at", None)]
+
+
+def _point(place: Place) -> time_side.OperatingPoint:
+    case = result_case(place.dataset)
+    vehicle = case.vehicles().at(tuple(place.index[axis.name] for axis in case.axes if axis.name != "speed"))
+    values = {name: quantity.value for name, quantity in case.quantities.items()}
+    values |= {name: float(grid_axis(place.dataset, name).si[i]) for name, i in place.index.items()}
+    # twelve digits: the streams must not hang on the last bit of a conversion of units
+    key = ", ".join(f"{name}={values[name]:.12g}" for name in sorted(values))
+    return time_side.OperatingPoint(vehicle, values["speed"], case.spectrum, key)
+
+
+def _label_of(place: Place) -> str:
+    return ", ".join(f"{name} = {axis_label(place.dataset, name, i)}" for name, i in place.index.items())

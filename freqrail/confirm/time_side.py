@@ -1,0 +1,90 @@
+"""The time side of a point: state spaces of both models, and what reads the responses off them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.confirm.crosschecks import transfer_power
+from freqrail.model.equations import StateSpace, System, state_space
+from freqrail.model.inputs import wheel_lags
+from freqrail.model.responses import PAPER
+from freqrail.model.spectrum import Spectrum
+from freqrail.model.vehicle import DEGREES_OF_FREEDOM, Vehicle, half_vehicle
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """A grid point, SI units. key: its values as text, which its random numbers are keyed by."""
+
+    vehicle: Vehicle
+    speed: float
+    spectrum: Spectrum
+    key: str
+
+
+@dataclass(frozen=True)
+class TimeSide:
+    """The time side of a point: state spaces and what reads the responses off them, by model, and the wheels' lags.
+
+    readout: [series, states] a model, feedthrough: [series, wheels], of the track heights. lags: [wheels], s.
+    """
+
+    models: dict[str, StateSpace]
+    readout: dict[str, NDArray[np.float64]]
+    feedthrough: dict[str, NDArray[np.float64]]
+    lags: NDArray[np.float64]
+
+
+def readout(
+    system: System, model: StateSpace, vehicle: Vehicle, names: tuple[str, ...] = PAPER
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """C [series, states] and D [series, wheels]: the responses of a half vehicle are C x + D v (signs as in `vehicle`).
+
+    x: the states, v: the track heights under the wheels, m, which only the wheelsets' accelerations feel at once.
+    """
+    unit = dict(zip(DEGREES_OF_FREEDOM, np.eye(len(system.freedoms)), strict=True))
+    arm = vehicle.half_bogie_spacing
+    accelerated = {
+        # over the front pivot, at the centre, over the rear pivot
+        "car_body_acceleration": [unit["z_c"] + place * unit["beta_c"] for place in (-arm, 0.0, arm)],
+        "bogie_acceleration": [unit["z_t1"], unit["z_t2"]],
+        "wheelset_acceleration": [unit[f"z_w{axle}"] for axle in (1, 2, 3, 4)],
+        "car_body_pitch_acceleration": [unit["beta_c"]],
+        "bogie_pitch_acceleration": [unit["beta_t1"], unit["beta_t2"]],
+    }
+    n, states = len(system.freedoms), len(model.states)
+    rows, feedthrough = [], []
+    for name in names:
+        if name in accelerated:
+            q = np.array(accelerated[name])
+            rows.append(q @ model.a[:n])
+            feedthrough.append(q @ model.b[:n])
+            continue
+        stage = name.removesuffix("_stroke")
+        legs = np.array([leg.elongation for leg in system.legs if leg.name.startswith(stage)])
+        rows.append(np.hstack([np.zeros((len(legs), states - n)), legs]))
+        feedthrough.append(np.zeros((len(legs), model.b.shape[1])))
+    return np.vstack(rows), np.vstack(feedthrough)
+
+
+def time_side(point: OperatingPoint, names: tuple[str, ...] = PAPER) -> TimeSide:
+    """The simulated side of a point, without any fault."""
+    models, rows, feedthrough = {}, {}, {}
+    for name, vehicle in vehicles(point).items():
+        system = half_vehicle(vehicle)
+        models[name] = state_space(system)
+        rows[name], feedthrough[name] = readout(system, models[name], vehicle, names)
+    return TimeSide(models, rows, feedthrough, wheel_lags(point.vehicle, point.speed))
+
+
+def vehicles(point: OperatingPoint) -> dict[str, Vehicle]:
+    """The vehicle of a point by model."""
+    return {"joint": point.vehicle, "traditional": point.vehicle.traditional()}
+
+
+def line_power(point: OperatingPoint, names: tuple[str, ...], frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|T|^2 of the named responses of both models at `frequency` [K] in Hz, from the FRFs: [model, series, K]."""
+    return np.array([transfer_power(vehicle, names, point.speed, frequency) for vehicle in vehicles(point).values()])

@@ -1,0 +1,1 @@
+"""Figures: datasets drawn. Nothing is computed here."""

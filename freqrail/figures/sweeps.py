@@ -1,0 +1,341 @@
+"""Figures of a sweep's result, fit for a paper. Nothing is computed here: what is drawn is in a dataset.
+
+A figure has one panel a response, laid out as the paper's figs. 5 to 7, and draws the first stored
+position of each: the car body over the front pivot, the front bogie, axle 1. What it keeps fixed stands
+above the panels, what its lines mean below them, so that neither covers data. Where it keeps a value that the grid
+lacks, the dataset that it draws is computed anew (`freqrail.sweep.off_grid`).
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator, StrMethodFormatter
+from numpy.typing import NDArray
+
+from freqrail.case.case import Case
+from freqrail.case.parameters import JOINTS, PARAMETERS, SWEEPABLE
+from freqrail.figures.style import (
+    BLUE,
+    DEEPEST,
+    MARKERS,
+    TRADITIONAL,
+    WITH_JOINTS,
+    Style,
+    handle,
+    legend,
+    new_figure,
+    not_too_steep,
+    panels,
+    psd_label,
+)
+from freqrail.figures.style import family as family_styles
+from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, Response
+from freqrail.result.axes import axis_unit, grid_axis, swept
+from freqrail.sweep.off_grid import ATTRIBUTE
+
+Selection = Mapping[str, int | NDArray[np.intp]]
+"""What a figure takes of each swept parameter: one index where it is held, all that it draws otherwise."""
+
+_ROW, _MARGIN = 2.3, 1.2  # inches: a row of panels; caption and legend
+_SPEEDS, _LINES = 6, 8  # of more speeds, or more values of another parameter, an even spread is drawn
+_MARKED = 30  # a line of at most so many values shows each of them by a marker
+_CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
+_NARROW = 5.0  # a logarithmic axis from 1 to less than this is ticked as a linear one
+_TICKS = 5  # at most so many steps between ticks: long numbers must not touch
+_RIGID = 0.95  # of a panel's width, where the mark of the rigid joint begins
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure: the swept parameters that it draws whole, and the function that draws it, with what this takes last."""
+
+    axes: tuple[str, ...]
+    draw: Callable[..., Figure]
+    rest: tuple[str | None, ...] = ()
+
+
+def drawings(dataset: xr.Dataset) -> dict[str, Drawing]:
+    """The figures that the axes of a dataset allow, by the stem of their file's name."""
+    axes = [name for name in swept(dataset) if dataset.sizes[name] > 1]
+    others = [name for name in axes if name != "speed"]
+    speed = "speed" if "speed" in axes else None
+    drawings: dict[str, Drawing] = {}
+    if speed and not others:
+        drawings["rms-against-speed"] = Drawing((speed,), _curves, (speed, None))
+    for name in others if speed else ():
+        drawings[f"rms-against-speed-{name}"] = Drawing(("speed", name), _curves, ("speed", name))
+    for name in others:
+        drawings[f"rms-against-{name}"] = Drawing((name, *([speed] if speed else [])), _curves, (name, speed))
+    for name in others if speed else ():
+        if np.isfinite(dataset[name].values).sum() > 1:
+            drawings[f"map-speed-{name}"] = Drawing(("speed", name), _map, (name,))
+    if stored(dataset, "_psd"):
+        drawings["psd"] = Drawing((), _spectra)
+    return drawings
+
+
+# --- the figures -----------------------------------------------------------------------------------
+
+
+def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: str, family: str | None) -> Figure:
+    """RMS along one swept parameter, one line a value of `family`, beside the traditional model."""
+    where: dict[str, int | NDArray[np.intp]] = {**index, along: np.arange(dataset.sizes[along])}
+    if family:
+        where[family] = _spread(dataset.sizes[family], _SPEEDS if family == "speed" else _LINES)
+    places = np.atleast_1d(where[family]) if family else np.zeros(1, np.intp)
+    # the traditional model has one line for all where the family's parameter does not touch it
+    own = family in dataset["traditional_status"].dims
+    x = dataset[along].values
+    styles: list[Style] = [*family_styles(len(places))] if family else [{"color": BLUE, "marker": MARKERS[0]}]
+    if x.size > _MARKED:
+        styles = [{**style, "marker": None} for style in styles]
+    dashed: list[Style] = [
+        {"color": style["color"] if own else "black", "linestyle": "--", "zorder": 2.5} for style in styles
+    ]
+    order = [name for name in (family, along) if name]
+    figure, drawn = _panels(dataset, "_rms", _caption(dataset, case, "_rms", where))
+    for response, ax in drawn:
+        with_joints = _drawn(dataset, response, "", "_rms", where, order).reshape(len(places), x.size)
+        traditional = _drawn(dataset, response, "traditional_", "_rms", where, order)
+        for line, style in zip(with_joints, styles, strict=True):
+            _line(ax, x, line, style)
+        for line, style in zip(traditional if own else [traditional], dashed, strict=False):
+            if np.ndim(line):
+                _line(ax, x, line, style)
+            else:
+                ax.axhline(line, **style)
+        _name_axis(ax, "x", dataset, along)
+        ax.set_ylabel(f"RMS [{response.shown_unit}]")
+        not_too_steep(ax)
+    grey = {"color": "0.4"}
+    models = [handle({**dashed[0], **(grey if own else {})}, PREFIXES["traditional_"])]
+    if own or not family:
+        models.insert(0, handle(grey if own else styles[0], PREFIXES[""]))
+    if np.isinf(x).any():
+        mark = {
+            "color": "0.4" if family else BLUE,
+            "linestyle": "none",
+            "marker": "_",
+            "markersize": 9,
+            "markeredgewidth": 2,
+        }
+        models.append(handle(mark, "rigid joint, at the right edge"))
+    if family:
+        labels = _values(dataset, family, places)
+        values = [handle(style, label) for label, style in zip(labels, styles, strict=True)]
+        size = dataset.sizes[family]
+        _legend(figure, models, values, _symbol(family) + (f" ({len(places)} of {size} values)" * (len(places) < size)))
+    else:
+        _legend(figure, models)
+    return figure
+
+
+def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -> Figure:
+    """RMS over speed and another swept parameter as colours: a cell a grid point, grey where there is no result."""
+    finite = np.flatnonzero(np.isfinite(dataset[name].values))
+    where: dict[str, int | NDArray[np.intp]] = {**index, "speed": np.arange(dataset.sizes["speed"]), name: finite}
+    caption = _caption(dataset, case, "_rms", where, models=("",))
+    if finite.size < dataset.sizes[name]:
+        caption.append("the rigid joint is not drawn")
+    figure, drawn = _panels(dataset, "_rms", caption)
+    for response, ax in drawn:
+        _name_axis(ax, "x", dataset, "speed")
+        _name_axis(ax, "y", dataset, name)
+        cells = ax.pcolormesh(
+            _edges(dataset["speed"].values, "speed"),
+            _edges(dataset[name].values[finite], name),
+            np.ma.masked_invalid(_drawn(dataset, response, "", "_rms", where, (name, "speed"))),
+            cmap="viridis",
+            rasterized=True,  # as vectors, cells show seams and a fine grid makes a huge file
+        )
+        ax.grid(False)
+        ax.set_facecolor("0.85")
+        figure.colorbar(cells, ax=ax, label=f"RMS [{response.shown_unit}]", pad=0.02)
+    return figure
+
+
+def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figure:
+    """One-sided PSDs at one grid point, with and without joints."""
+    styles: dict[str, Style] = {"": WITH_JOINTS, "traditional_": TRADITIONAL}
+    figure, drawn = _panels(dataset, "_psd", _caption(dataset, case, "_psd", index))
+    for response, ax in drawn:
+        ax.set_xscale("log")
+        ax.set_yscale("log", nonpositive="mask")
+        densities = {prefix: _drawn(dataset, response, prefix, "_psd", index, ("frequency",)) for prefix in styles}
+        for prefix, density in densities.items():
+            ax.plot(dataset["frequency"].values, density, **styles[prefix])
+        floor = DEEPEST * max(np.max(density, initial=0.0, where=density < np.inf) for density in densities.values())
+        if ax.get_ylim()[0] < floor:
+            ax.set_ylim(bottom=floor)
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.set_xlabel("frequency $f$ [Hz]")
+        ax.set_ylabel(psd_label(response.shown_unit))
+    _legend(figure, [handle(style, PREFIXES[prefix]) for prefix, style in styles.items()])
+    return figure
+
+
+# --- what a figure takes of the dataset ------------------------------------------------------------
+
+
+def stored(dataset: xr.Dataset, suffix: str) -> list[Response]:
+    return [response for name, response in RESPONSES.items() if f"{name}{suffix}" in dataset]
+
+
+def _drawn(
+    dataset: xr.Dataset, response: Response, prefix: str, suffix: str, where: Selection, order: Sequence[str] = ()
+) -> NDArray[np.float64]:
+    """One variable at the first stored position in the shown unit, its dimensions as in `order`."""
+    variable = dataset[f"{prefix}{response.name}{suffix}"]
+    selected = variable.isel({n: at for n, at in {**where, response.dimension: 0}.items() if n in variable.dims})
+    values = selected.transpose(*order, ..., missing_dims="ignore").values
+    return values * response.shown_scale ** (2 if suffix == "_psd" else 1)
+
+
+def _spread(size: int, most: int) -> NDArray[np.intp]:
+    """At most so many of `size` places, evenly spread from the first to the last."""
+    return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(np.intp))
+
+
+def _edges(values: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    """Edges of the cells about grid values, half-way between them as the axis is drawn."""
+    there, back = (np.log, np.exp) if name in JOINTS else (np.positive, np.positive)
+    centre = there(values)
+    middle = (centre[1:] + centre[:-1]) / 2
+    return back(np.concatenate([[2 * centre[0] - middle[0]], middle, [2 * centre[-1] - middle[-1]]]))
+
+
+# --- words -----------------------------------------------------------------------------------------
+
+
+def _symbol(name: str) -> str:
+    return f"${PARAMETERS[name].symbol}$"
+
+
+def _pretty(unit: str) -> str:
+    return unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+
+def _value(dataset: xr.Dataset, name: str, index: int) -> str:
+    return _values(dataset, name, [index])[0]
+
+
+def _values(dataset: xr.Dataset, name: str, places: Sequence[int] | NDArray[np.intp]) -> list[str]:
+    """Grid values as labels: three digits, more only where two of them would read alike."""
+    axis = grid_axis(dataset, name)
+    values, unit = axis.values[np.asarray(places)], _pretty(axis.unit)
+    for digits in range(3, 17):
+        labels = ["rigid" if np.isinf(value) else f"{_digits(float(value), digits)} {unit}" for value in values]
+        if len(set(labels)) == len(labels):
+            break
+    return labels
+
+
+def _digits(value: float, digits: int) -> str:
+    """A number in so many significant digits, without an exponent up to ten million."""
+    if 1 <= abs(value) < 1e7:
+        return f"{round(value, max(0, digits - len(str(int(abs(value)))))):.15g}"
+    return f"{value:.{digits}g}"
+
+
+def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
+    """Label an axis with name, symbol and unit; that of a joint stiffness is logarithmic."""
+    unit = _pretty(axis_unit(dataset, name))
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    axis.set_label_text(f"{name.replace('_', ' ')} {_symbol(name)} [{unit}]")
+    if name in JOINTS:
+        ax.set(**{f"{which}scale": "log"})
+        axis.set_minor_formatter(NullFormatter())
+    values = dataset[name].values[np.isfinite(dataset[name].values)]
+    gaps = np.diff(np.log(values) if name in JOINTS else values)
+    own = values.size > 1 and gaps.min() > _CROWDED * gaps.sum() and all(len(f"{value:g}") <= 5 for value in values)
+    if own:
+        axis.set_ticks(values)
+    elif name not in JOINTS or values[-1] <= _NARROW * values[0]:
+        axis.set_major_locator(MaxNLocator(_TICKS))
+    elif values[-1] <= 1000 * values[0]:  # more decades have no room for it
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    else:
+        return
+    axis.set_minor_locator(NullLocator())
+    if name in JOINTS:
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
+def _caption(
+    dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[str] = tuple(PREFIXES)
+) -> list[str]:
+    """What a figure keeps fixed, and how many of the points it draws lack results."""
+    held = {}
+    swept_once = {axis.name for axis in case.axes} & {*map(str, dataset.coords)}
+    for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in swept_once)]):
+        if name in where:
+            if np.ndim(where[name]) == 0:
+                held[name] = _value(dataset, name, int(where[name]))
+        elif name in swept_once:  # a slice that the caller has cut out of the result
+            held[name] = _value(dataset[[name]].expand_dims(name), name, 0)
+        else:
+            quantity = case.quantities[name]
+            held[name] = "rigid" if np.isinf(quantity.value) else _pretty(quantity.text)
+    anew = str(dataset.attrs.get(ATTRIBUTE, "")).split()
+    fixed = [
+        f"{_symbol(name)} = {text.replace('rigid', '∞ (rigid)')}{' (computed anew)' * (name in anew)}"
+        for name, text in held.items()
+    ]
+    # no-break spaces: a long caption is wrapped between its items, not within one
+    lines = [", ".join(item.replace(" ", "\N{NO-BREAK SPACE}") for item in [*fixed, f"band: {dataset.attrs['band']}"])]
+    for prefix in models:
+        values = [_drawn(dataset, response, prefix, suffix, where) for response in stored(dataset, suffix)]
+        missing = np.any(np.isnan(values), axis=0)
+        if missing.any():
+            lines.append(f"{PREFIXES[prefix]}: {missing.sum()} of {missing.size} points lack results (gaps)")
+    return lines
+
+
+# --- panels ----------------------------------------------------------------------------------------
+
+
+def _panels(dataset: xr.Dataset, suffix: str, caption: Sequence[str]) -> tuple[Figure, Iterator[tuple[Response, Axes]]]:
+    """A figure with a titled panel for each stored response, two a row, and its caption above them."""
+    responses = stored(dataset, suffix)
+    rows = -(-len(responses) // 2)
+    head = [line for text in caption for line in textwrap.wrap(text, 100)]
+    figure = new_figure(rows * _ROW + _MARGIN, (0.05, 0.03), head)
+    titles = [f"{response.long_name}{_place(dataset, response)}" for response in responses]
+    return figure, zip(responses, panels(figure, titles), strict=True)
+
+
+def _place(dataset: xr.Dataset, response: Response) -> str:
+    if not response.dimension:
+        return ""
+    return f", {DIMENSIONS[response.dimension].place(np.ravel(dataset[response.dimension].values)[0])}"
+
+
+def _line(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], style: Style) -> None:
+    """A line over the finite x; the value at an infinite one, the rigid joint, as a mark at the right edge."""
+    finite = np.isfinite(x)
+    if np.isnan(y).any():
+        style = {**style, "marker": style.get("marker") or "."}  # a point between two gaps shows by its marker alone
+    ax.plot(x[finite], y[finite], **style)
+    for level in y[~finite]:
+        ax.plot([_RIGID, 1], [level, level], color=style["color"], linewidth=2.2, transform=ax.get_yaxis_transform())
+    if not finite.all():
+        ax.set_xmargin(0.1)  # leaves the mark a place of its own
+
+
+def _legend(figure: Figure, models: list[Line2D], values: Sequence[Line2D] = (), title: str | None = None) -> None:
+    """One legend below all panels: the values in columns of their own, the models in the last one."""
+    rows = max(len(models), 2 if len(values) <= 6 else 3) if values else 1
+    blank = Line2D([], [], linestyle="none", label=" ")
+    handles = [*values, *[blank] * (-len(values) % rows), *models, *[blank] * (-len(models) % rows)]
+    legend(figure, handles, title, len(handles) // rows)
+
+
+# --- files -----------------------------------------------------------------------------------------

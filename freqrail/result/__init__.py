@@ -1,0 +1,1 @@
+"""Results: labelled, on disk, read back."""

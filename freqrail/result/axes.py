@@ -1,0 +1,61 @@
+"""The swept parameters of a result and its failures in words, read from its coordinates and statuses alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from freqrail.case.axis import Axis
+from freqrail.case.quantities import typed_unit, unit_factor
+from freqrail.model.responses import PREFIXES
+
+
+def swept(dataset: xr.Dataset) -> tuple[str, ...]:
+    """The swept parameters of a result, in order."""
+    return tuple(str(dim) for dim in dataset["status"].dims)
+
+
+def grid_axis(dataset: xr.Dataset, name: str) -> Axis:
+    """A swept parameter of a result, its values as the coordinate bears them and in SI units."""
+    unit = axis_unit(dataset, name)
+    values = dataset[name].values
+    return Axis(name, values, unit, values * float(unit_factor(unit)[0]), "")
+
+
+def axis_label(dataset: xr.Dataset, name: str, index: int) -> str:
+    """A grid value in the coordinate's unit, such as "250 km/h"; "rigid" for an infinite joint stiffness."""
+    value = float(dataset[name].values[index])
+    whole = abs(value) < 1e7 and value == round(value)
+    return "rigid" if np.isinf(value) else f"{value:{'.0f' if whole else 'g'}} {axis_unit(dataset, name)}"
+
+
+def axis_unit(dataset: xr.Dataset, name: str) -> str:
+    """The unit of a coordinate as users type it, such as "kN*s/m"; "" if it has none."""
+    attributes = dataset[name].attrs
+    return typed_unit(str(attributes.get("units", attributes.get("user_units", ""))))
+
+
+def first_failures(dataset: xr.Dataset) -> list[str]:
+    """One line a model that has points without all results: how many, why, and the first of them."""
+    lines = []
+    for prefix, words in PREFIXES.items():
+        name = f"{prefix}status"
+        if name not in dataset:
+            continue
+        status = dataset[name]
+        values = status.values
+        bad = np.argwhere(values != 0)
+        if not len(bad):
+            continue
+        meanings = str(status.attrs["flag_meanings"]).split()
+        first = tuple(int(i) for i in bad[0])
+        where = ", ".join(
+            f"{dim}={float(dataset[dim][i]):g} {typed_unit(dataset[dim].attrs.get('units', ''))}".strip()
+            for dim, i in zip(status.dims, first, strict=True)
+        )
+        counts = ", ".join(
+            f"{np.sum(values == k)} {meaning}" for k, meaning in enumerate(meanings) if k and np.any(values == k)
+        )
+        at = f"; the first at {where}" if where else ""
+        lines.append(f"{words}: {len(bad)} of {values.size} grid points lack results ({counts}){at}")
+    return lines

@@ -1,0 +1,184 @@
+"""Labelled results: a sweep as one flat xarray dataset, names and units attached here and nowhere else.
+
+Dimensions are the swept parameters in the order given, none squeezed away, then the position of the
+response (car_position, bogie or axle), then frequency. Data are in SI units; `speed` is in km/h, joint
+stiffnesses in MN/m, `frequency` in Hz, any other axis in the unit the user wrote as CF spells it, or in SI. What the
+case does not sweep of the vehicle, the speed and the band are scalar coordinates. Conventions: CF-1.11.
+"""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from freqrail.case.axis import Axis, parse_axis
+from freqrail.case.case import Case
+from freqrail.case.parameters import COMPLIANCE_UNIT, COMPLIANCES, PARAMETERS, meaning
+from freqrail.case.quantities import cf_unit
+from freqrail.model.band import Band, band_text
+from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.result.content import SCHEMA_VERSION
+from freqrail.result.layout import Layout, variables
+from freqrail.solver.solution import Solution
+from freqrail.version import __version__
+
+
+def arrays(
+    layout: Layout, prefix: str, solution: Solution, spectra: Mapping[str, NDArray] | None
+) -> dict[str, NDArray]:
+    """The numbers of a model, or of a part of its grid, by variable and in the order of its dimensions."""
+    swept = [axis.name for axis in layout.axes(prefix)]
+    result: dict[str, NDArray] = {}
+    for name in layout.names:
+        squeeze = not RESPONSES[name].dimension
+        result[f"{prefix}{name}_rms"] = _arrange(solution.rms[name], swept, squeeze)
+        result[f"{prefix}{name}_rms_relative_error"] = _arrange(solution.relative_error[name], swept, squeeze)
+        if spectra is not None:
+            result[f"{prefix}{name}_psd"] = _arrange(spectra[name], swept, squeeze)
+    result[f"{prefix}status"] = _arrange(solution.status[None], swept, True)
+    result[f"{prefix}method"] = _arrange(solution.method[None], swept, True)
+    return result
+
+
+def skeleton(layout: Layout) -> xr.Dataset:
+    """The coordinates and attributes of a sweep, without its variables."""
+    coordinates: dict[str, Any] = {}
+    for axis in layout.case.axes:
+        coordinates |= coordinate(axis, layout.case.masses)
+    coordinates |= position_coordinates({RESPONSES[name].dimension for name in layout.names})
+    if layout.frequency is not None:
+        coordinates |= coordinate(layout.frequency)
+    coordinates |= scalar_coordinates(layout.case, layout.case.band)
+    return xr.Dataset({}, coordinates, attributes(layout.case, "sweep"))
+
+
+def position_coordinates(used: Collection[str]) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+    """Of the dimensions along which responses are resolved, those in use: (dimension, labels, attributes) by name."""
+    return {
+        name: (
+            name,
+            np.array(dimension.labels, dtype=np.int32 if isinstance(dimension.labels[0], int) else None),
+            {"long_name": dimension.long_name},
+        )
+        for name, dimension in DIMENSIONS.items()
+        if name in used
+    }
+
+
+def label(layout: Layout, values: Mapping[str, NDArray]) -> xr.Dataset:
+    """The labelled dataset of a sweep from the numbers of all its variables."""
+    described = variables(layout)
+    return skeleton(layout).assign(
+        {name: (described[name].dims, values[name], described[name].attributes) for name in described}
+    )
+
+
+def _arrange(values: NDArray, swept: list[str], squeeze: bool) -> NDArray:
+    """[positions, vehicles..., speeds, rest...] to the dataset's order (axes..., position, rest...)."""
+    vehicles = sum(name != "speed" for name in swept)
+    if "speed" in swept:
+        values = np.moveaxis(values, 1 + vehicles, 1 + swept.index("speed"))
+    else:
+        values = values[(slice(None),) * (1 + vehicles) + (0,)]
+    # not ascontiguousarray, which gives a single point without a position an axis of its own
+    return np.asarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)), order="C")
+
+
+def coordinate(axis: Axis, masses: str = "half") -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+    """A swept parameter as coordinates by name: (dimension, values, attributes with its unit).
+
+    A joint stiffness, which may be infinite, has its finite compliance beside it. masses: see `Case`.
+    """
+    parameter = PARAMETERS[axis.name]
+    values, unit = axis.values, parameter.shown_unit or cf_unit(axis.unit)
+    if unit is None and cf_unit(parameter.unit):
+        values, unit = axis.si, cf_unit(parameter.unit)
+    # a fractional power, as of the contact constant's unit, is none of CF's
+    described = {"long_name": meaning(axis.name, masses)} | ({"units": unit} if unit else {"user_units": axis.unit})
+    found = {axis.name: (axis.name, values, described)}
+    if axis.name in COMPLIANCES:
+        found[COMPLIANCES[axis.name]] = (axis.name, *_compliance(axis.name, values, masses))
+    return found
+
+
+def _compliance(joint: str, stiffness: NDArray, masses: str) -> tuple[NDArray, dict[str, str]]:
+    """Values and attributes of a joint's compliance, of its stiffness in MN/m."""
+    what = meaning(joint, masses).replace("stiffness", "compliance")
+    return 1 / stiffness, {"long_name": f"{what}, the reciprocal of its stiffness", "units": COMPLIANCE_UNIT}
+
+
+def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[()], NDArray, dict[str, str]]]:
+    """What a case does not sweep, and a band, as scalar coordinates by name: ((), value, attributes with its unit).
+
+    In the SI unit, or in the table's where it shows another, as the axis would be. The whole axis as a band is
+    from 0 to inf Hz.
+    """
+    found: dict[str, tuple[tuple[()], NDArray, dict[str, str]]] = {}
+    swept = {axis.name for axis in case.axes}
+    for name, quantity in case.quantities.items():
+        if name in swept or (name == "contact_constant" and "contact_stiffness" in swept):
+            continue
+        parameter = PARAMETERS[name]
+        if parameter.shown_unit:
+            axis = parse_axis(parameter, quantity.text)  # the very number of an axis
+        else:
+            axis = Axis(name, np.array([quantity.value]), parameter.unit, np.array([quantity.value]), quantity.text)
+        for key, (_, values, described) in coordinate(axis, case.masses).items():
+            found[key] = ((), np.array(values[0]), described)
+    ends: dict[str, tuple[float, str, str]] = {
+        "band_lower_frequency": (0.0, "Hz", "lower limit of the band, frequency"),
+        "band_upper_frequency": (math.inf, "Hz", "upper limit of the band, frequency"),
+    }
+    if band is not None and band.kind == "frequency":
+        ends = {name: (end, *ends[name][1:]) for name, end in zip(ends, (band.low, band.high), strict=True)}
+    elif band is not None:
+        ends = {
+            "band_shortest_wavelength": (
+                band.low,
+                "m",
+                "lower limit of the band, wavelength of the track irregularity",
+            ),
+            "band_longest_wavelength": (
+                band.high,
+                "m",
+                "upper limit of the band, wavelength of the track irregularity",
+            ),
+        }
+    for name, (end, unit, what) in ends.items():
+        found[name] = ((), np.array(end), {"long_name": what, "units": unit})
+    return found
+
+
+def attributes(case: Case, command: str) -> dict[str, Any]:
+    """Attributes of a whole dataset that `command` makes from a case: CF's, the case itself, versions."""
+    now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    versions = {
+        "freqrail": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "xarray": xr.__version__,
+    }
+    described = {
+        "Conventions": "CF-1.11",
+        "title": case.title,
+        "history": f"{now} freqrail {__version__}: {command} of {case.name}",
+        "source": f"freqrail {__version__}, frequency response of the half vehicle",
+        "references": case.reference,
+        "dataset_schema_version": SCHEMA_VERSION,
+        "case_name": case.name,
+        "case_text": case.text,
+        "effective_case": case.effective,
+        "effective_case_sha256": hashlib.sha256(case.effective.encode()).hexdigest(),
+        "band": band_text(case.band),
+        "versions": json.dumps(versions),
+    }
+    return {key: value for key, value in described.items() if value != ""}

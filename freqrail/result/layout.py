@@ -1,0 +1,107 @@
+"""The layout of a result: which variables it has, along which dimensions, for which case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from freqrail.case.axis import Axis
+from freqrail.case.case import Case
+from freqrail.case.parameters import JOINTS, suggestion
+from freqrail.errors import InputError
+from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
+from freqrail.result.content import Variable
+from freqrail.solver.solution import METHOD, STATUS
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a result holds: the responses by name, over the axes of a case, and where its spectra are, if it has any."""
+
+    case: Case
+    names: tuple[str, ...]
+    frequency: Axis | None
+
+    def axes(self, prefix: str) -> tuple[Axis, ...]:
+        """The swept parameters of a model, in the order given: the traditional one lacks the joints'."""
+        return self.case.axes if not prefix else without_joints(self.case).axes
+
+
+def variables(layout: Layout) -> dict[str, Variable]:
+    """The variables of a sweep by name, in the order of the file."""
+    sizes = {name: len(dimension.labels) for name, dimension in DIMENSIONS.items()}
+    if layout.frequency is not None:
+        sizes["frequency"] = layout.frequency.si.size
+    result: dict[str, Variable] = {}
+
+    def add(prefix: str, key: str, further: tuple[str, ...], dtype: type, attributes: dict[str, Any]) -> None:
+        axes = layout.axes(prefix)
+        shape = (*(axis.si.size for axis in axes), *(sizes[dimension] for dimension in further))
+        dims = (*(axis.name for axis in axes), *further)
+        result[prefix + key] = Variable(dims, shape, np.dtype(dtype), attributes)
+
+    for prefix, words in PREFIXES.items():
+        for name in layout.names:
+            response = RESPONSES[name]
+            place = (response.dimension,) if response.dimension else ()
+            meaning = f"RMS of the {response.long_name}"
+            add(
+                prefix,
+                f"{name}_rms",
+                place,
+                float,
+                {
+                    "units": response.unit,
+                    "long_name": f"{meaning}, {words}",
+                    "ancillary_variables": f"{prefix}{name}_rms_relative_error {prefix}status {prefix}method",
+                },
+            )
+            error = {
+                "units": "1",
+                "long_name": f"estimated relative error of the computation of the {meaning}, {words}; numerical only: "
+                "it says nothing of the model or of its data",
+            }
+            add(prefix, f"{name}_rms_relative_error", place, float, error)
+        if layout.frequency is not None:
+            for name in layout.names:
+                response = RESPONSES[name]
+                place = (response.dimension,) if response.dimension else ()
+                spectrum = {
+                    "units": response.psd_unit,
+                    "long_name": f"one-sided PSD of the {response.long_name}, {words}",
+                }
+                add(prefix, f"{name}_psd", (*place, "frequency"), float, spectrum)
+        add(prefix, "status", (), np.int8, flags(STATUS, f"outcome of the computation, {words}"))
+        add(prefix, "method", (), np.int8, flags(METHOD, f"method of the computation, {words}"))
+    return result
+
+
+def flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:
+    """CF attributes of an int8 variable whose values 0, 1, ... have a meaning."""
+    return {
+        "long_name": long_name,
+        "flag_values": np.arange(len(meanings), dtype=np.int8),
+        "flag_meanings": " ".join(meanings),
+    }
+
+
+def response_names(responses: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of responses from "paper", "all", "NAME,NAME" or a sequence of names, in the table's order."""
+    groups = {"paper": {name for name, response in RESPONSES.items() if response.paper}, "all": set(RESPONSES)}
+    given = [part.strip() for part in responses.split(",")] if isinstance(responses, str) else list(responses)
+    known = (*groups, *RESPONSES)
+    unknown = [name for name in given if name not in known]
+    if unknown or not given:
+        raise InputError(
+            *(f"--responses: unknown response {name!r}{suggestion(name, known)}" for name in unknown or [""])
+        )
+    wanted = set().union(*(groups.get(name, {name}) for name in given))
+    return tuple(name for name in RESPONSES if name in wanted)
+
+
+def without_joints(case: Case) -> Case:
+    """The case without its joint axes, as the traditional model takes it."""
+    return replace(case, axes=tuple(axis for axis in case.axes if axis.name not in JOINTS))

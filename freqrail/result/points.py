@@ -1,0 +1,216 @@
+"""Points of a result's grid: from text such as "speed=250 km/h, primary_joint_stiffness=5 MN/m" to indices."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from freqrail.case.axis import Axis, is_same
+from freqrail.case.case import Case, build_case, place_point
+from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
+from freqrail.case.quantities import Quantity, parse_quantity, unit_factor
+from freqrail.errors import FreqrailWarning, InputError
+from freqrail.model.responses import RESPONSES
+from freqrail.result.axes import axis_label, axis_unit, grid_axis, swept
+from freqrail.result.confirmation import is_confirmation
+from freqrail.result.labels import skeleton
+from freqrail.result.layout import Layout
+from freqrail.result.netcdf import open_result
+
+Point = Mapping[str, Quantity]
+
+
+def parse_point(text: str) -> Point:
+    """A point from "NAME=VALUE, NAME=VALUE". Raises InputError for unknown names and bad values."""
+    point: dict[str, Quantity] = {}
+    problems = []
+    for part in filter(None, re.split(r",\s*(?=[A-Za-z_]+\s*=)", text.strip())):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals:
+            problems.append(f'--at: a point is written "NAME=VALUE, NAME=VALUE" (got "{part}")')
+        elif name not in SWEEPABLE:
+            problems.append(f"--at {name}: unknown name{suggestion(name, SWEEPABLE)}")
+        elif name in point:
+            problems.append(f'--at {name}: given twice (got "{text}")')
+        else:
+            try:
+                point[name] = parse_quantity(PARAMETERS[name], value)
+            except ValueError as fault:
+                problems.append(f"--at {name}: {fault}")
+    if not point and not problems:
+        problems.append('--at: is empty; write it as in --at "speed=250 km/h"')
+    if problems:
+        raise InputError(*problems)
+    return point
+
+
+def result_case(dataset: xr.Dataset) -> Case:
+    """The case that a result was computed from, after all its settings and axes."""
+    try:
+        text, name = str(dataset.attrs["effective_case"]), str(dataset.attrs["case_name"])
+    except KeyError as fault:
+        raise InputError(f"the dataset has no attribute {fault}: a result of freqrail's sweep is due") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FreqrailWarning)  # the sweep has told them
+        return build_case(text, name=name, file="the result's case", stray_points=True)
+
+
+def read_result(path: str | os.PathLike[str]) -> xr.Dataset:
+    """A result from its file (see `storage.open_result`), held against the case that it bears.
+
+    Raises InputError besides if its effective_case is no case, or its axes are not those of the case.
+    """
+    dataset = open_result(path)
+    faults = [] if is_confirmation(dataset) else _case_faults(dataset)
+    if faults:
+        raise InputError(*(f"{path}: is no whole result of freqrail: {fault}" for fault in faults))
+    return dataset
+
+
+def _case_faults(dataset: xr.Dataset) -> list[str]:
+    try:
+        case = result_case(dataset)
+    except InputError as fault:
+        return [f"its effective_case is no case: {problem}" for problem in fault.problems]
+    faults = [
+        f"has no dimension {axis.name}, which its case sweeps" for axis in case.axes if axis.name not in dataset.dims
+    ]
+    for name in swept(dataset):
+        unit, parameter = axis_unit(dataset, name), PARAMETERS[name]
+        try:
+            right = unit_factor(unit)[1] == unit_factor(parameter.unit)[1]
+        except ValueError:
+            right = False
+        if not right:
+            faults.append(f"{name} has no unit of a {parameter.kind} (got {unit!r})")
+    return faults
+
+
+def example_point(dataset: xr.Dataset) -> str:
+    """A grid point as `parse_point` reads it: the one nearest to the case's scalars, every axis named."""
+    parts = []
+    for name, index in locate(dataset, nearest=True).items():
+        value = float(dataset[name].values[index])
+        parts.append(f"{name}={'inf' if np.isinf(value) else f'{value:.10g}'} {axis_unit(dataset, name)}")
+    return ", ".join(parts)
+
+
+def locate(
+    dataset: xr.Dataset, point: Point | None = None, nearest: bool = False, origin: str = "--at"
+) -> dict[str, int]:
+    """Index along every swept parameter of the grid point that `point` names.
+
+    A swept name that the point leaves out takes the case's scalar; if that is not on the grid, its
+    nearest value where `nearest` is set, else it is an error. Raises InputError, with the nearest grid
+    value, for a value off the grid and for a named quantity that is neither swept nor the case's own;
+    `origin` is what its messages call the point.
+    """
+    axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
+    indices, faults = place_point(point or {}, axes, result_case(dataset).scalars, nearest)
+    if faults:
+        raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items()))
+    return indices
+
+
+def off_grid(
+    dataset: xr.Dataset, point: Point | None = None, origin: str = "--at"
+) -> tuple[dict[str, int], dict[str, Quantity]]:
+    """Where a point lies on a result's grid, and what of it does not: ({axis: index}, {axis: its value}).
+
+    A swept name that the point leaves out takes the case's scalar. Raises InputError for a named quantity that is
+    neither swept nor the case's own; `origin` is what its messages call the point.
+    """
+    axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
+    scalars = result_case(dataset).scalars
+    indices, faults = place_point(point or {}, axes, scalars)
+    off = {name: (point or {}).get(name) or scalars[name] for name in swept(dataset) if name in faults}
+    if faults.keys() - off.keys():
+        raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items() if name not in off))
+    return indices, off
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a point lies in a result.
+
+    dataset: the result itself, or the coordinates and the case (see `result_case`) of the point where the result's
+    grid does not hold it. index: place along every swept parameter, those kept whole left out. anew: the swept
+    parameters whose value the result's grid lacks, none if the numbers are the result's own.
+    """
+
+    dataset: xr.Dataset
+    index: Mapping[str, int]
+    anew: tuple[str, ...]
+
+    @property
+    def note(self) -> str:
+        """What is not the result's own, in words; "" if nothing."""
+        values = [f"{name} = {axis_label(self.dataset, name, self.index[name])}" for name in self.anew]
+        return f"computed anew: {', '.join(values)} is not on the result's grid" if values else ""
+
+
+def find_place(
+    dataset: xr.Dataset, point: Point | None = None, keep: Sequence[str] = (), origin: str = "--at"
+) -> Place:
+    """Where a point lies, on the grid of a result or off it.
+
+    point: {name: quantity}; a swept parameter left out takes the case's own value, or the axis' only one. keep: swept
+    parameters that stay whole axes. origin: what messages call the point.
+
+    Raises InputError for a name that is neither swept nor the case's own value.
+    """
+    index, off = off_grid(dataset, point, origin)
+    off = {name: quantity for name, quantity in off.items() if name not in keep}
+    index = {name: i for name, i in index.items() if name not in keep}
+    if not off:
+        return Place(dataset, index, ())
+    case = result_case(dataset)
+    over = {name: quantity.text for name, quantity in off.items()}
+    for axis in case.axes:
+        si = grid_axis(dataset, axis.name).si
+        if axis.name in index:
+            over[axis.name] = _axis_text(axis, si[[index[axis.name]]])
+        elif axis.name in keep and not np.array_equal(si, axis.si):  # a part that the caller has cut out
+            over[axis.name] = _axis_text(axis, si)
+    own = build_case(case.effective, over=over, name=case.name, stray_points=True)
+    return Place(
+        skeleton(layout_of(dataset, own)), {name: 0 for name in swept(dataset) if name not in keep}, tuple(off)
+    )
+
+
+def layout_of(dataset: xr.Dataset, case: Case) -> Layout:
+    """The layout of a result with the responses, and at the frequencies, of another one."""
+    frequency = None
+    if "frequency" in dataset.dims:
+        values = dataset["frequency"].values
+        frequency = Axis("frequency", values, "Hz", values, "")
+    return Layout(case, tuple(name for name in RESPONSES if f"{name}_rms" in dataset), frequency)
+
+
+def _axis_text(axis: Axis, si: np.ndarray) -> str:
+    """Values of an axis as a case has them, in the unit in which it was written."""
+    factor = float(unit_factor(axis.unit)[0])
+    return f"{', '.join('inf' if np.isinf(value) else f'{value / factor:.15g}' for value in si)} {axis.unit}"
+
+
+def confirmed_point(dataset: xr.Dataset, point: Point) -> int:
+    """Place of a point among those of a confirmation. Raises InputError if it names none or several of them."""
+    keep = np.ones(dataset.sizes["point"], dtype=bool)
+    for name, quantity in point.items():
+        own = result_case(dataset).scalars.get(name)
+        if name in dataset.coords and dataset[name].dims == ("point",):
+            values = dataset[name].values * float(unit_factor(axis_unit(dataset, name))[0])
+            keep &= [is_same(value, quantity.value) for value in values]
+        elif own is None or not is_same(own.value, quantity.value):
+            keep[:] = False
+    found = np.flatnonzero(keep)
+    if found.size != 1:
+        known = "; ".join(map(str, dataset["place"].values))
+        raise InputError(f"--at: names {found.size or 'none'} of the confirmed points, one is due (known: {known})")
+    return int(found[0])

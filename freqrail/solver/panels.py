@@ -1,0 +1,186 @@
+"""Where to evaluate a grid: which speeds to take together, and quadrature nodes that many vehicles can share.
+
+The grid's vehicles share one set of nodes where that is cheap, because then the speed axis of every block is one
+matrix product. All of it depends on the grid alone, never on how that is cut into blocks or on the number of workers.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.model.responses import RESPONSES
+from freqrail.model.spectrum import RationalSpectrum, kinks, singular_points
+from freqrail.model.vehicle import Vehicle
+from freqrail.solver import quadrature
+from freqrail.solver.partial_fractions import EPSILON, Resonances, chain_poles, resonances
+from freqrail.solver.problem import Problem, cut
+
+SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
+SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
+SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
+SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
+WHOLE_AXIS_REACH = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
+GROUP_NODES, GROUP_SPEEDS = 2000, 500  # up to so many nodes, speeds of any range are taken together, and so many
+LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may take: about a second
+OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by this
+
+
+@dataclass(frozen=True)
+class SharedPanels:
+    """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own.
+
+    speeds: [m], which of the grid's speeds they are for. lost: `rms.rounding` of each response, {name: [m]}. They
+    depend on the whole grid: a part of it takes those of the whole, and so gets the same bits.
+    """
+
+    speeds: NDArray[np.intp]
+    edges: NDArray[np.float64] | None
+    lost: Mapping[str, NDArray[np.float64]]
+
+
+def in_closed_form(study: Problem) -> bool:
+    """Whether a study needs no nodes: the whole axis below a rational spectrum."""
+    return study.band is None and isinstance(study.spectrum, RationalSpectrum)
+
+
+def shared_panels(study: Problem) -> tuple[SharedPanels, ...]:
+    """Nodes for the whole grid, group by group of its speeds; none where the closed form needs none."""
+    if in_closed_form(study):
+        return ()
+    sample = replace(study, vehicle=_sample(study.vehicle))
+    found = {chain: _sampled(sample.vehicle, chain) for chain in study.chains}
+    all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
+    groups = speed_groups(sample, every_pole(found))
+    return tuple(_shared(sample, group, found, all_known) for group in groups)
+
+
+def _sampled(vehicle: Vehicle, chain: str) -> Resonances:
+    """The resonances [n] of a chain of all vehicles of a grid; not known if eigenvalues cannot tell a peak's width."""
+    poles = chain_poles(vehicle, chain)
+    found = resonances(vehicle, chain, poles)
+    here = np.isfinite(poles)
+    errors = {name: error[here] for name, error in found.errors.items()}
+    return Resonances(poles[here], found.known[here], found.shift[here], errors)
+
+
+def every_pole(found: Mapping[str, Resonances]) -> NDArray[np.complex128]:
+    """The poles of all chains, rad/s."""
+    return np.concatenate([each.poles for each in found.values()])
+
+
+def lost(study: Problem, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.float64]]:
+    """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it.
+
+    inf where a resonance inside the band may have been missed. The lags' phases are known to the rounding of the
+    highest frequency times the longest lag.
+    """
+    highest = WHOLE_AXIS_REACH * np.max(np.abs(every_pole(found).imag), initial=1.0)
+    phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * _longest_lags(study)
+    result = {}
+    for name in study.names:
+        chains = [found[chain] for chain in RESPONSES[name].chains]
+        shift = np.concatenate([each.shift for each in chains])
+        errors = np.concatenate([each.errors.get(RESPONSES[name].element, each.shift) for each in chains])
+        among = every_pole({str(k): each for k, each in enumerate(chains)})
+        result[name] = quadrature.rounding(among, study.limits, shift, errors) + phase
+        if not all(each.known.all() for each in chains):
+            result[name] = np.full_like(result[name], np.inf)
+    return result
+
+
+def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[str, Resonances], all_known: bool) -> SharedPanels:
+    """Nodes for some of the speeds. all_known: the resonances are those of every vehicle of the grid."""
+    resonances = every_pole(found)
+    study = replace(study, speed=study.speed[speeds])
+    if np.isinf(study.limits).any():
+        return SharedPanels(speeds, None, {})  # the bound of what lies beyond is each vehicle's own
+    first, lag = first_edges(study, resonances), _longest_lag(study)
+    inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
+    if not all_known and np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
+        # between the vehicles sampled, such a peak could pass through the nodes
+        return SharedPanels(speeds, None, {})
+    if np.any(inside & ~np.concatenate([each.known for each in found.values()])):
+        return SharedPanels(speeds, None, {})
+    outside_too = {chain: replace(each, known=np.full(each.poles.shape, True)) for chain, each in found.items()}
+    rounding = lost(study, outside_too)
+    most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
+    if quadrature.fewest_nodes(first, lag) > most:
+        return SharedPanels(speeds, None, rounding)
+    everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
+    edges = quadrature.panel_edges(first, everything, lag)
+    return SharedPanels(speeds, edges if (edges.size - 1) * quadrature.PANEL_NODES <= most else None, rounding)
+
+
+def speed_groups(study: Problem, resonances: NDArray[np.complex128]) -> list[NDArray[np.intp]]:
+    """Indices of the speeds to take together, the fastest first.
+
+    The slower the train, the longer the lags and the more nodes they need; and where the band is one of wavelengths,
+    every speed's own edges end panels. A group grows until it needs GROUP_NODES and twice what its fastest needs alone.
+    """
+    order = np.argsort(-study.speed, kind="stable")
+
+    def needed(count: int) -> float:
+        return _fewest_nodes(replace(study, speed=study.speed[order[:count]]), resonances)
+
+    groups = []
+    while order.size:
+        room = max(GROUP_NODES, 2 * needed(1))
+        count = bisect.bisect_right(range(1, min(order.size, GROUP_SPEEDS) + 1), room, key=needed)
+        groups.append(np.sort(order[:count]))
+        order = order[count:]
+    return groups
+
+
+def own_edges(study: Problem, vehicle: Vehicle, resonances: NDArray[np.complex128]) -> NDArray[np.float64] | None:
+    """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many.
+
+    resonances: the vehicle's poles, rad/s.
+    """
+    study = replace(study, vehicle=vehicle)
+    if not np.isfinite(resonances).all():
+        return None
+    first, lag = first_edges(study, resonances), _longest_lag(study)
+    if 2 * quadrature.fewest_nodes(first, lag) * study.speed.size > LARGEST_RULE:
+        return None
+    everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
+    return quadrature.panel_edges(first, everything, lag, OWN_REFINEMENT)
+
+
+def first_edges(study: Problem, resonances: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """The edges a panel must not straddle: every speed's own band, or 0 and the end of the nodes, and all kinks."""
+    limits = study.limits
+    ends = np.where(np.isinf(limits), WHOLE_AXIS_REACH * np.max(np.abs(resonances.imag), initial=1.0), limits)
+    points = kinks(study.spectrum, study.speed)
+    return np.unique(np.concatenate([ends.ravel(), points[(points > limits[0]) & (points < limits[1])]]))
+
+
+def _fewest_nodes(study: Problem, resonances: NDArray[np.complex128]) -> float:
+    """Nodes that the lags and the edges alone call for, whatever the resonances."""
+    first = first_edges(study, resonances)
+    return quadrature.fewest_nodes(first, _longest_lag(study)) + quadrature.PANEL_NODES * (first.size - 1)
+
+
+def _longest_lag(study: Problem) -> float:
+    """The last wheel's lag behind the first at the lowest speed, s (eq. 2), the largest of all vehicles'."""
+    return float(np.max(_longest_lags(study)))
+
+
+def _longest_lags(study: Problem) -> NDArray[np.float64]:
+    """The same at every speed, [speeds]."""
+    vehicle = study.vehicle
+    return float(np.max(vehicle.half_bogie_spacing + vehicle.half_wheelbase)) * 2 / study.speed
+
+
+def _sample(vehicle: Vehicle) -> Vehicle:
+    """At most about SAMPLES vehicles of the grid, evenly over every axis, its two ends among them."""
+    varying = sum(n > 1 for n in vehicle.shape)
+    limit = max(2, int(SAMPLES ** (1 / varying))) if varying else 1
+    return cut(
+        vehicle, tuple(np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in vehicle.shape)
+    )

@@ -1,0 +1,330 @@
+"""Mean squares of the responses over a frequency band, by quadrature that follows the resonances.
+
+sigma^2 = integral of |T|^2 G d omega over the band, with |T|^2 a sum of seven lag columns
+(`freqrail.reduction.chain_columns`): the powers of a vehicle serve every speed, and the whole speed axis is a
+matrix product over the quadrature nodes.
+
+The nodes are Gauss-Kronrod panels whose lengths follow the poles of the vehicles at hand and the
+fastest wheel lag, so that no peak is stepped over, however narrow; the embedded Gauss rule gives
+every value an error estimate.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.model.responses import RESPONSES
+from freqrail.model.spectrum import Spectrum, angular_psd
+from freqrail.model.vehicle import Vehicle
+from freqrail.reduction.chain_columns import column_powers, column_signs, lag_columns, top_products
+from freqrail.reduction.chains import chain_responses
+
+# Gauss-Kronrod pair with 10 and 21 nodes on [-1, 1] (QUADPACK, Piessens et al. 1983, routine qk21):
+# Kronrod abscissae from the outside in, every second one a Gauss abscissa.
+_KRONROD_X = (
+    0.995657163025808080735527280689003,
+    0.973906528517171720077964012084452,
+    0.930157491355708226001207180059508,
+    0.865063366688984510732096688423493,
+    0.780817726586416897063717578345042,
+    0.679409568299024406234327365114874,
+    0.562757134668604683339000099272694,
+    0.433395394129247190799265943165784,
+    0.294392862701460198131126603103866,
+    0.148874338981631210884826001129720,
+    0.0,
+)
+_KRONROD_W = (
+    0.011694638867371874278064396062192,
+    0.032558162307964727478818972459390,
+    0.054755896574351996031381300244580,
+    0.075039674810919952767043140916190,
+    0.093125454583697605535065465083366,
+    0.109387158802297641899210590325805,
+    0.123491976262065851077958109585166,
+    0.134709217311473325928054001771707,
+    0.142775938577060080797094273138717,
+    0.147739104901338491374841515972068,
+    0.149445554002916905664936468389821,
+)
+_GAUSS_W = (
+    0.066671344308688137593568809893332,
+    0.149451349150580593145863396957658,
+    0.219086362515982043995534934228163,
+    0.269266719309996355091226921569469,
+    0.295524224714752870173815619188769,
+)
+
+# A panel's length is at most POLE_REACH times its distance from the nearest pole, and the fastest lag turns by at
+# most PHASE_REACH radians over it. With a pole abreast of the panel's middle the Bernstein ellipse has
+# rho = 5/6 + sqrt(25/36 + 1) = 2.14: the Gauss rule misses by rho^-20 = 3e-7 of that panel's share, the Kronrod
+# rule by rho^-32 = 3e-11. docs/theory.md shows the errors measured.
+POLE_REACH = 2.4
+PHASE_REACH = 14.0
+CAUTION = 40.0  # of the error estimate: QUADPACK's 200 is for integrands of any kind, these panels follow the poles
+NARROWEST = 1e-13  # no panel is shorter than this fraction of its frequency: rounding begins there
+TINY = 1e-150
+TAIL = 40  # halvings of u = cutoff/omega on the way from 1 to 0
+EPSILON = np.finfo(float).eps
+UNUSUAL = (
+    3e-14  # what rounding leaves of a plausible vehicle at its resonances: covered by 4 EPSILON a unit of sharpness
+)
+RUN, LONGEST_RUN = 16, 1024  # panels that the lag alone cuts are laid so many at a time
+
+TILE, NODES, SPEEDS = 16, 160, 100  # rows of every matrix product, and its most nodes and speeds
+
+ROUNDING = 1e-12
+"""Relative floor of every error estimate: what summing a few thousand products in double precision loses."""
+
+
+@dataclass(frozen=True)
+class Quadrature:
+    """Nodes and weights of a Gauss-Kronrod rule in rad/s, the embedded Gauss rule's nodes first.
+
+    omega: [n] nodes. weights: [n] Kronrod weights. gauss_weights: [g], for the first g nodes.
+    """
+
+    omega: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    gauss_weights: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MeanSquare:
+    """Mean squares of one response and their error estimates, [positions, grid..., speeds], SI squared."""
+
+    value: NDArray[np.float64]
+    error: NDArray[np.float64]
+
+
+def panel_edges(
+    edges: NDArray[np.float64], poles: NDArray[np.complex128], longest_lag: float, refine: float = 1.0
+) -> NDArray[np.float64]:
+    """Edges of panels that resolve the poles and the lags, from the few edges given, all in rad/s.
+
+    edges: increasing, at least two; panels never straddle one. poles: any shape, rad/s, those of the
+    vehicles and of the track spectrum. longest_lag: of the wheels, s. From the left, each panel is as long as its
+    distance from every pole and the lag's period allow; `refine` > 1 makes them shorter by that factor.
+    """
+    reach = POLE_REACH / refine
+    by_lag = PHASE_REACH / refine / longest_lag if longest_lag > 0 else np.inf
+    done = []
+    for low, high in itertools.pairwise(edges):
+        done.append(float(low))
+        least, run = NARROWEST * NARROWEST * high, RUN  # a pole at zero must not keep panels from leaving it
+        while True:
+            by_poles = float(_room(np.array(done[-1:]), poles, reach)[0])
+            step = max(min(by_poles, by_lag), NARROWEST * done[-1], least)
+            if not done[-1] + step < high:
+                break
+            done.append(done[-1] + step)
+            if step == by_lag:  # and likely so for many panels to come
+                ahead = np.add.accumulate(np.append(done[-1], np.full(run, by_lag)))
+                same = (_room(ahead, poles, reach) >= by_lag) & (ahead + by_lag < high)
+                count = int(np.argmin(np.append(same, False)))
+                done.extend(ahead[1 : count + 1].tolist())
+                run = min(2 * run, LONGEST_RUN) if count == run else RUN
+    return np.append(done, edges[-1])
+
+
+def _room(left: NDArray[np.float64], poles: NDArray[np.complex128], reach: float) -> NDArray[np.float64]:
+    """Longest panels that poles allow from each left edge [n], rad/s; `reach` times the distance from the nearest."""
+    centre, width = np.abs(np.imag(poles)).ravel(), np.abs(np.real(poles)).ravel()
+    ahead = centre - left[:, None]
+    # L = reach x distance: from the left edge (pole behind), from the right edge (pole ahead), or from within
+    room = ahead**2 - (reach**2 - 1) * width**2
+    square = np.square(ahead) + np.square(width)
+    before = reach * square / (np.abs(reach * ahead) + np.sqrt(np.maximum(room, 0.0)) + TINY)
+    within = np.where((room > 0) & (before < ahead), before, reach * width)
+    length = np.where(ahead <= 0, reach * np.sqrt(square), within)
+    return np.min(length, axis=-1, initial=np.inf)
+
+
+PANEL_NODES = 21
+
+
+def fewest_nodes(edges: NDArray[np.float64], longest_lag: float) -> float:
+    """Nodes that the lags alone call for between edges in rad/s, whatever the poles; longest_lag in s."""
+    return PANEL_NODES * float(edges[-1] - edges[0]) * longest_lag / PHASE_REACH
+
+
+def quadrature(edges: NDArray[np.float64]) -> Quadrature:
+    """The Gauss-Kronrod rule on every panel between consecutive edges [n + 1], rad/s."""
+    half_x, half_w = np.array(_KRONROD_X), np.array(_KRONROD_W)
+    x = np.concatenate([-half_x, half_x[-2::-1]])
+    w = np.concatenate([half_w, half_w[-2::-1]])
+    gauss = np.arange(1, x.size, 2)
+    order = np.concatenate([gauss, np.arange(0, x.size, 2)])
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    return Quadrature(
+        omega=(middle + np.multiply.outer(x[order], half)).ravel(),
+        weights=np.multiply.outer(w[order], half).ravel(),
+        gauss_weights=np.multiply.outer(np.concatenate([_GAUSS_W, _GAUSS_W[::-1]]), half).ravel(),
+    )
+
+
+@dataclass(frozen=True)
+class WeightedNodes:
+    """Some nodes of a rule: omega [n] rad/s, and lag columns times the track's density and the weights.
+
+    kronrod: [7, n, speeds]. gauss: the same for the embedded rule, None if it has none of these nodes.
+    """
+
+    omega: NDArray[np.float64]
+    kronrod: NDArray[np.float64]
+    gauss: NDArray[np.float64] | None
+
+
+def weighted_nodes(
+    vehicle: Vehicle,
+    spectrum: Spectrum,
+    rule: Quadrature,
+    speed: NDArray[np.float64],
+    limits: NDArray[np.float64],
+    most: int,
+) -> Iterator[WeightedNodes]:
+    """The nodes of a rule, at most `most` at a time, with weights that turn column powers into mean squares.
+
+    vehicle: a single geometry. speed: [m] in m/s. limits: [2, m], each speed's band in rad/s, on
+    panel edges; outside it the weights are zero.
+    """
+    gauss = rule.gauss_weights.size
+    for first, last in ((0, gauss), (gauss, rule.omega.size)):  # the embedded rule's nodes come first
+        edges = np.linspace(first, last, -(-(last - first) // most) + 1).round().astype(int)
+        for part in itertools.starmap(slice, itertools.pairwise(edges)):
+            omega = rule.omega[part, None]
+            density = angular_psd(spectrum, omega, speed) * ((omega > limits[0]) & (omega < limits[1]))
+            columns = lag_columns(vehicle, rule.omega[part], speed)
+            columns *= density
+            embedded = columns * rule.gauss_weights[part, None] if last == gauss else None
+            columns *= rule.weights[part, None]
+            yield WeightedNodes(rule.omega[part], columns, embedded)
+
+
+def mean_squares(
+    vehicle: Vehicle,
+    names: tuple[str, ...],
+    nodes: Iterable[WeightedNodes],
+    lost: Mapping[str, NDArray[np.float64]] | None = None,
+) -> dict[str, MeanSquare]:
+    """Mean squares of the named responses (keys of `RESPONSES`) for a grid of vehicles.
+
+    vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. lost: `rounding` of each
+    response, at least `ROUNDING`.
+    Returns {name: MeanSquare}, [positions, grid..., speeds].
+
+    The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
+    min(1, (CAUTION d)^1.5). d sums the differences of the lag columns without their signs, so that
+    they cannot cancel.
+    """
+    grid = vehicle.shape[:-1]
+    rows = math.prod(grid)
+    tile = TILE if vehicle.shape else 1  # a single vehicle is never part of a block
+    tiles = -(-rows // tile)
+    sums: dict[tuple[str, int], NDArray[np.float64]] = {}
+    for part in nodes:
+        chains = chain_responses(vehicle, part.omega)
+        products = top_products(chains)
+        for name in names:
+            for column, power in column_powers(RESPONSES[name], vehicle, part.omega, chains, products):
+                if (name, column) not in sums:
+                    sums[name, column] = np.zeros((2, tiles, tile, part.kronrod.shape[-1]))
+                total, embedded = sums[name, column]
+                padded = np.zeros((tiles, tile, part.omega.size))
+                padded.reshape(tiles * tile, -1)[:rows].reshape(*grid, -1)[...] = power
+                _add_product(total, padded, part.kronrod[column])
+                if part.gauss is not None:
+                    _add_product(embedded, padded, part.gauss[column])
+    result = {}
+    for name in names:
+        positions = RESPONSES[name].signs
+        found = {column: total for (key, column), total in sums.items() if key == name}
+        speeds = next(iter(found.values())).shape[-1]
+        value, difference = np.zeros((2, len(positions), *grid, speeds))
+        signs = np.array([column_signs(position) for position in positions])
+        for column, both in found.items():
+            total, embedded = both.reshape(2, tiles * tile, speeds)[:, :rows]
+            apart = np.abs(total - embedded)
+            for p, sign in enumerate(signs[:, column]):
+                if sign:
+                    value[p] += (sign * total).reshape(*grid, speeds)
+                    difference[p] += apart.reshape(*grid, speeds)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            d = difference / np.abs(value)
+            steep = CAUTION * d
+        result[name] = MeanSquare(
+            value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + (lost or {}).get(name, ROUNDING))
+        )
+    return result
+
+
+def _add_product(total: NDArray[np.float64], power: NDArray[np.float64], weight: NDArray[np.float64]) -> None:
+    """Add power [tiles, TILE, n] @ weight [n, speeds] to total [tiles, TILE, speeds].
+
+    BLAS picks its order of summation by the shape of a product, so every product of a grid has the same shape and a
+    row the same bits whatever its block. And the shape is small: OpenBLAS then neither copies its operands nor starts
+    threads of its own (up to 4 x 65536 multiplications), which would fight with those of `grid.solve`.
+    """
+    speeds = total.shape[-1]
+    if speeds <= SPEEDS:
+        total += power @ weight
+        return
+    parts = -(-speeds // SPEEDS)
+    for k in range(parts):
+        some = slice(k * speeds // parts, (k + 1) * speeds // parts)
+        total[..., some] += power @ weight[:, some]
+
+
+def rounding(
+    poles: NDArray[np.complex128],
+    limits: NDArray[np.float64],
+    shift: NDArray[np.float64] | float = 0.0,
+    errors: NDArray[np.float64] | float = 0.0,
+) -> NDArray[np.float64]:
+    """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles` [n], rad/s.
+
+    Near a resonance the response is a difference of large numbers: rounding over the distance of the band from the
+    pole, relative to its frequency (the damping ratio, if the band holds the resonance). In a narrow band the
+    differences of the nodes carry the rounding of their frequencies. shift, errors: of each pole, how far rounding
+    moves it and what it leaves of an element there, relatively (`partial_fractions.Resonances`): counted where they
+    are `UNUSUAL`.
+    """
+    size, frequency = np.abs(poles)[:, None], np.abs(poles.imag)[:, None]
+    outside = np.maximum(0.0, np.maximum(limits[0] - frequency, frequency - limits[1]))
+    moved, spoilt = (np.where(~(x <= UNUSUAL), x, 0.0)[..., None] for x in (np.asarray(shift), np.asarray(errors)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.hypot(outside, poles.real[:, None])
+        sharpness = np.where(frequency > 0, size / distance, 0.0)
+        narrow = np.where(np.isfinite(limits[1]), limits[1] / (limits[1] - limits[0]), 1.0)
+        # an element is small, and so its error large, beside the pole only
+        beside = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
+        unusual = np.max(np.where(frequency > 0, moved * size / distance + beside, 0.0), axis=0, initial=0.0)
+    return ROUNDING + 4 * EPSILON * (np.max(sharpness, axis=0, initial=0.0) + narrow) + unusual
+
+
+def truncation_bound(
+    vehicle: Vehicle,
+    names: tuple[str, ...],
+    spectrum: Spectrum,
+    speed: NDArray[np.float64],
+    cutoff: float,
+) -> dict[str, NDArray[np.float64]]:
+    """Upper bound of the mean squares beyond `cutoff` [rad/s], whatever the lags.
+
+    Returns {name: [positions, grid..., speeds]}. From |B u_B + P u_P + Q u_Q|^2 <= 3 (|B|^2 + |P|^2 +
+    |Q|^2), integrated over u = cutoff/omega on panels each half as long as the one before, because what is overdamped
+    may bend the responses far beyond the last resonance.
+    """
+    rule = quadrature(np.append(0.0, np.exp2(np.arange(-TAIL, 1))))
+    omega = cutoff / rule.omega
+    density = angular_psd(spectrum, omega[:, None], speed) * (rule.weights * omega / rule.omega)[:, None]
+    diagonal = np.array([1, 1, 0, 1, 0, 0, 0]).reshape(-1, 1, 1)
+    bound = 3.0 * diagonal * density
+    nodes = [WeightedNodes(omega, bound, None)]
+    return {k: m.value for k, m in mean_squares(vehicle, names, nodes).items()}

@@ -1,0 +1,100 @@
+"""What a sweep computes: the numerical studies of both models, their axes, and what they will take."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from freqrail.case.axis import Axis
+from freqrail.case.case import Case
+from freqrail.errors import InputError
+from freqrail.model.band import band_limits
+from freqrail.model.responses import RESPONSES
+from freqrail.result.layout import Layout, response_names, without_joints
+from freqrail.solver import solve
+from freqrail.solver.problem import Problem
+
+PSD_POINTS = 400
+PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
+KEPT_A_SECOND = 50e6  # bytes of a result that are hashed, written twice and read back in a second (docs/scaling.md)
+COPIES = 3  # how many times a result stands in memory at most, while it is labelled
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a sweep computes and stores: its layout, and the numerical studies by model prefix."""
+
+    layout: Layout
+    studies: Mapping[str, Problem]
+
+    @classmethod
+    def of(cls, case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Plan:
+        """The plan of a checked case. Raises InputError for an unknown response."""
+        frequency = (case.frequency or _default_frequency(case)) if psd else None
+        return cls.for_layout(Layout(case, response_names(responses), frequency))
+
+    @classmethod
+    def for_layout(cls, layout: Layout) -> Plan:
+        """The plan that fills a layout."""
+        case = layout.case
+        studies = {
+            prefix: Problem(
+                vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
+                speed=part.speeds(),
+                spectrum=part.spectrum,
+                band=part.band,
+                names=layout.names,
+            )
+            for prefix, part in (("", case), ("traditional_", without_joints(case)))
+        }
+        return cls(layout, studies)
+
+    @property
+    def points(self) -> int:
+        """Number of grid points of the joint model."""
+        return math.prod(self.studies[""].shape)
+
+    @property
+    def work(self) -> int:
+        """Grid points that `progress` is told of in all: both models, spectra counted again."""
+        once = sum(math.prod(study.shape) for study in self.studies.values())
+        return once * (2 if self.layout.frequency is not None else 1)
+
+    @property
+    def stored_bytes(self) -> int:
+        """Size of the dataset's numbers in bytes."""
+        series = sum(max(1, len(RESPONSES[name].positions)) for name in self.layout.names)
+        lines = self.layout.frequency.si.size if self.layout.frequency is not None else 0
+        values = sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.studies.values())
+        return (
+            values + 6_000 * len(self.layout.names) + 2 * len(self.layout.case.text) + 50_000
+        )  # what HDF5 and attributes take
+
+    def seconds(self, jobs: int) -> float:
+        """Estimated wall time of the sweep into a file in s, from timing a first block of each model."""
+        return sum(solve.seconds(study, jobs) for study in self.studies.values()) + self.stored_bytes / KEPT_A_SECOND
+
+
+def check_memory(plan: Plan) -> None:
+    """Raise InputError before anything is allocated that the machine's memory cannot hold."""
+    needed = COPIES * plan.stored_bytes
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else math.inf
+    if needed > memory:
+        raise InputError(
+            f"the grid is too large for this machine: {needed / 1e9:.3g} GB needed, {memory / 1e9:.3g} GB of memory; "
+            "use fewer values or responses, or leave out the spectra"
+        )
+
+
+def _default_frequency(case: Case) -> Axis:
+    """Frequencies of stored spectra: log-spaced over the band, over all speeds' bands if by wavelength."""
+    low, high = PSD_RANGE
+    if case.band is not None:
+        limits = band_limits(case.band, case.speeds()) / (2 * np.pi)
+        low, high = float(limits.min()), float(limits.max())
+    values = np.geomspace(low, high, PSD_POINTS)
+    return Axis("frequency", values, "Hz", values, f"log:{low:g}:{high:g}:{PSD_POINTS} Hz")
