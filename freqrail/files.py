@@ -89,7 +89,7 @@ def _longest_name(folder: Path) -> int:
 
 
 def check_beside(path: Path, what: str, empty: bool = False) -> None:
-    """Raise FileError if something else stands where a regular (and empty) file beside a target is due: a link, say."""
+    """Raise FileError if something else stands where a regular (and empty) file beside a target belongs: a link."""
     try:
         status = path.lstat()
     except OSError:  # not there, or told of when it is opened

@@ -153,7 +153,7 @@ def test_an_odd_but_right_case_file_goes_on(row, here, capsys):
     ("case", "words"),
     [
         ("none.toml", "none.toml: no such case file"),
-        (".", ".: is a folder, a case file is due"),
+        (".", ".: is a folder, a case file is expected"),
         ("x" * 5000, "cannot be opened: File name too long"),
         ("x\0y", r"x\x00y: no such case file"),
         (os.devnull, "is not a regular file"),
@@ -247,8 +247,11 @@ USAGE = {
         ],
         "--over car_body_mass: the axes span 2.7e+19 points, more than can be counted (limit 9.22e+18)",
     ),
-    "a dask address without its host": ([*SWEEP, "--dask", "tcp://"], 'as in tcp://HOST:8786, is due (got "tcp://")'),
-    "an empty dask address": ([*SWEEP, "--dask", ""], 'as in tcp://HOST:8786, is due (got "")'),
+    "a dask address without its host": (
+        [*SWEEP, "--dask", "tcp://"],
+        'as in tcp://HOST:8786, is expected (got "tcp://")',
+    ),
+    "an empty dask address": ([*SWEEP, "--dask", ""], 'as in tcp://HOST:8786, is expected (got "")'),
     "--set of a swept name": ([*SWEEP, "--set", "speed=9 km/h"], 'give it one value with --over "speed=9 km/h"'),
     "--set twice": ([*SWEEP, "--set", "bogie_mass=1 t", "--set", "bogie_mass=2 t"], "given twice; give it once"),
     "--over twice": ([*SWEEP, "--over", "speed=1 km/h", "--over", "speed=2 km/h"], "given twice; give it once"),

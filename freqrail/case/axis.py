@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.case.parameters import Parameter
-from freqrail.case.quantities import _check, _factor, _float, given, split_number, unit_factor
+from freqrail.case.quantities import _check, _factor, _float, split_number, unit_factor
+from freqrail.text import given
 
 LARGEST_AXIS = 10_000_000
 """Most values an axis may have."""

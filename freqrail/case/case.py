@@ -21,12 +21,13 @@ from pydantic import ValidationError
 from freqrail.case.axis import Axis, is_same, nearest, parse_axis
 from freqrail.case.file import apply_axis, apply_setting, find, parse_toml, to_toml
 from freqrail.case.parameters import JOINTS, PARAMETERS, SHARED_BY_SIDES
-from freqrail.case.quantities import Quantity, given, milli_hint, parse_quantity
+from freqrail.case.quantities import Quantity, milli_hint, parse_quantity
 from freqrail.case.tables import cross_checks, keys, model, problems_of, readable, readable_points
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band
 from freqrail.model.spectrum import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, RationalSpectrum
 from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
+from freqrail.text import given
 
 LARGEST_GRID = 2**63  # points, and with spectra points times frequencies: the library's indices end there
 SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is probably a slip of the unit
@@ -133,7 +134,7 @@ def build_case(
     """
     for option, changes in (("settings", settings), ("over", over)):
         if changes is not None and not isinstance(changes, Mapping):
-            raise InputError(f'{option}: a mapping is due, such as {{"speed": "250 km/h"}} {given(changes)}')
+            raise InputError(f'{option}: a mapping is expected, such as {{"speed": "250 km/h"}} {given(changes)}')
     tables = parse_toml(text, file)
     problems: list[str] = []
     origins: dict[tuple[str, ...], str] = {}

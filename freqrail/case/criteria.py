@@ -2,7 +2,7 @@
 
 Every range takes in the vehicles that docs/conventions.md lists, with room to spare; each is narrow enough that the
 usual slips leave it (`tests/sweep/test_plausibility.py` is the table of both). A case may take another range for usual, under
-its [accepted] table. `freqrail.sweep.plausibility` measures.
+its [accepted] table. `sweep.plausibility` measures.
 """
 
 from __future__ import annotations

@@ -17,9 +17,9 @@ from typing import Any
 from freqrail import files
 from freqrail.case.axis import parse_axis
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.case.quantities import given
 from freqrail.case.shipped import shipped_cases
 from freqrail.errors import InputError
+from freqrail.text import given
 
 LARGEST_FILE = 1_000_000  # bytes: a case file has two thousand
 CONTACTS = ("contact_constant", "contact_stiffness")
@@ -32,7 +32,7 @@ _ENDLESS_KEY = re.compile(r"""(?:(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t
 def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
     """(stem, name for messages, text) of a case file or a shipped case."""
     if not isinstance(case, str | os.PathLike):
-        raise InputError(f"a case file's path or a shipped case's name is due {given(case)}")
+        raise InputError(f"a case file's path or a shipped case's name is expected {given(case)}")
     path = Path(case)
     wanted = str(case)
     try:
@@ -47,7 +47,7 @@ def find(case: str | os.PathLike[str]) -> tuple[str, str, str]:
         return wanted, wanted, shipped[wanted]
     if exists:
         kind = "is a folder" if folder else "is not a regular file"
-        raise InputError(f"{wanted or '.'}: {kind}, a case file is due")
+        raise InputError(f"{wanted or '.'}: {kind}, a case file is expected")
     raise InputError(f"{wanted}: no such case file, and no shipped case of that name{suggestion(wanted, shipped)}")
 
 
@@ -60,7 +60,7 @@ def _read(path: Path) -> str:
     except OSError as fault:
         raise InputError(f"{path}: cannot be read: {fault.strerror}") from None
     if data.startswith((b"\x89HDF", b"CDF")):
-        raise InputError(f"{path}: is a NetCDF file, a case file is due")
+        raise InputError(f"{path}: is a NetCDF file, a case file is expected")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(f"{path}: is UTF-16 text, a case file is UTF-8: save it anew with that encoding")
     try:

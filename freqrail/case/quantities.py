@@ -19,6 +19,7 @@ from typing import Any
 
 from freqrail.case.parameters import PARAMETERS, Parameter
 from freqrail.errors import FileError
+from freqrail.text import given
 
 LONGEST_QUANTITY = 100
 """Most characters of one number with its unit; no true one comes near."""
@@ -44,20 +45,6 @@ class Quantity:
 
     value: float
     text: str
-
-
-def printable(text: str) -> str:
-    """Text with its control characters escaped, so that none reaches a terminal or a figure; lines stay lines."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
-
-
-def given(value: object) -> str:
-    """What the user gave, short enough for a message: (got "5 kN*s/m") or (got 5)."""
-    try:
-        text = f'"{value}"' if isinstance(value, str) and value.isprintable() else repr(value)
-    except (ValueError, RecursionError):  # an integer of 5000 digits, tables nested 3000 deep
-        text = f"a very large {type(value).__name__}"
-    return f"(got {text})" if len(text) <= 80 else f"(got {text[:60]}... of {len(text)} characters)"
 
 
 # --- units and numbers -----------------------------------------------------------------------------
@@ -181,10 +168,10 @@ def _factor(parameter: Parameter, unit: str, got: str) -> Fraction:
     try:
         factor, dimension = unit_factor(unit)
     except ValueError as fault:
-        raise ValueError(f'{fault}: a {parameter.kind} such as "{parameter.example}" is due {got}') from None
+        raise ValueError(f'{fault}: a {parameter.kind} such as "{parameter.example}" is expected {got}') from None
     if dimension != unit_factor(parameter.unit)[1]:
         raise ValueError(
-            f'wrong dimension: a {parameter.kind} in {parameter.unit}, such as "{parameter.example}", is due {got}'
+            f'wrong dimension: a {parameter.kind} in {parameter.unit}, such as "{parameter.example}", is expected {got}'
         )
     return factor
 
@@ -232,7 +219,7 @@ def parse_quantity(parameter: Parameter, text: object) -> Quantity:
     got = given(text)
     if not isinstance(text, str):
         kind = _KINDS.get(type(text), f"a {type(text).__name__}")
-        raise ValueError(f'text with a unit is due, such as "{parameter.example}", not {kind} {got}')
+        raise ValueError(f'text with a unit is expected, such as "{parameter.example}", not {kind} {got}')
     number, unit = split_number(text, parameter.example, got)
     if number.is_infinite():
         value = float(number)
@@ -263,7 +250,7 @@ def parse_pair(parameter: Parameter, value: object) -> tuple[Quantity, Quantity]
         parts = [*sides]
     if len(parts) != 2:
         example = PAIRS.get(parameter.name, f'["{parameter.example}", "{parameter.example}"]')
-        raise ValueError(f"two quantities are due, as in {example} {given(value)}")
+        raise ValueError(f"two quantities are expected, as in {example} {given(value)}")
     first, second = (parse_quantity(parameter, part) for part in parts)
     return first, second
 
@@ -281,12 +268,3 @@ def shown_value(name: str, value: float) -> str:
     if math.isinf(value):
         return "inf"
     return f"{value / float(unit_factor(unit)[0]):.10g} {unit}"
-
-
-def shown_bytes(number: float) -> str:
-    """A number of bytes, as people read it."""
-    for unit in ("B", "kB", "MB"):
-        if number < 1000:
-            return f"{number:.3g} {unit}"
-        number /= 1000
-    return f"{number:.3g} GB"

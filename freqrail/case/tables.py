@@ -1,7 +1,7 @@
 """The tables of a case file: which keys there are, what each must hold, and the words for what is wrong.
 
-The pydantic model is built from the table of names (`freqrail.case.parameters`). What can be read of a faulty file is still
-read here, so that `freqrail.case.case` can tell every fault of a file at once.
+The pydantic model is built from the table of parameters. What can be read of a faulty file is still read here, so that
+`case.case` can tell every fault of a file at once.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from freqrail.case.axis import Axis, parse_axis
 from freqrail.case.criteria import CRITERIA
 from freqrail.case.file import CONTACTS, sections
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.case.quantities import Quantity, given, parse_pair, parse_quantity
+from freqrail.case.quantities import Quantity, parse_pair, parse_quantity
 from freqrail.model.spectrum import GERMAN_ROUGHNESS
+from freqrail.text import given
 
 SCHEMA_VERSION = 1
 SPECTRA = (*GERMAN_ROUGHNESS, "rational")
@@ -56,7 +57,7 @@ def _check_text(value: str) -> str:
 def _points(value: object) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
     """({number: point} of the points to confirm that are in order, what is wrong with the others)."""
     if not isinstance(value, list) or not all(isinstance(point, dict) for point in value):
-        return {}, [f'a list of points is due, such as [{{ speed = "250 km/h" }}] {given(value)}']
+        return {}, [f'a list of points is expected, such as [{{ speed = "250 km/h" }}] {given(value)}']
     points: dict[int, dict[str, Quantity]] = {}
     faults: list[str] = []
     for place, point in enumerate(value, start=1):
@@ -86,14 +87,16 @@ def _check_points(value: object) -> list[dict[str, Quantity]]:
 def _check_accepted(value: object) -> dict[str, tuple[float, float]]:
     """The ranges that a case takes in place of the usual ones. Raises ValueError with one argument a fault."""
     if not isinstance(value, dict):
-        raise ValueError(f"a table is due, such as radius_of_gyration = [0.5, 2.5] {given(value)}")
+        raise ValueError(f"a table is expected, such as radius_of_gyration = [0.5, 2.5] {given(value)}")
     accepted: dict[str, tuple[float, float]] = {}
     faults: list[str] = []
     for name, ends in value.items():
         if name not in CRITERIA:
             faults.append(f"unknown warning {name!r}{suggestion(name, CRITERIA)}")
         elif not (isinstance(ends, list) and len(ends) == 2 and all(type(end) in (int, float) for end in ends)):
-            faults.append(f"{name}: two numbers are due, as in {name} = {list(CRITERIA[name].usual)} {given(ends)}")
+            faults.append(
+                f"{name}: two numbers are expected, as in {name} = {list(CRITERIA[name].usual)} {given(ends)}"
+            )
         elif not 0 <= ends[0] < ends[1]:  # nan too
             faults.append(f"{name}: the first number must be less than the second, none below 0 {given(ends)}")
         else:
@@ -182,7 +185,7 @@ def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
     elif kind in ("model_type", "model_attributes_type"):
         line = f"{file}: [{key}]: must be a table {got}"
     elif kind == "string_type":
-        line = f"{place}: text is due {got}"
+        line = f"{place}: text is expected {got}"
     else:
         line = f"{place}: {error['msg'][0].lower()}{error['msg'][1:]} {got}"
     return [line]

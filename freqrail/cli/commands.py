@@ -21,9 +21,10 @@ import click
 
 from freqrail.cli import completion
 from freqrail.cli.process import check_memory_limit, is_out_of_memory, prepare_matplotlib, take_over
-from freqrail.cli.terminal import counted, guarded, program, progress, report, tell
+from freqrail.cli.terminal import guarded, program, progress, report, tell
 from freqrail.errors import FreqrailWarning, InputError, NumericalError
 from freqrail.figures import plot as figures_plot
+from freqrail.text import counted
 from freqrail.version import __version__
 
 PLOT_FORMATS = ("png", "svg", "pdf")
@@ -121,8 +122,6 @@ def sweep(
     if "frequency" in over_by_name and not psd:
         raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
     from freqrail.case.case import load_case
-    from freqrail.case.quantities import shown_bytes
-    from freqrail.cli.tables import number
     from freqrail.model.band import band_text
     from freqrail.result.netcdf import check_target
     from freqrail.solver.solve import processors
@@ -130,6 +129,7 @@ def sweep(
     from freqrail.sweep.journal import journal_path
     from freqrail.sweep.plan import Plan
     from freqrail.sweep.sweep import local, sweep_to_file
+    from freqrail.text import number, shown_bytes
 
     if dask is not None and jobs:
         raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
@@ -241,12 +241,12 @@ def confirm(
     as_json: bool,
 ) -> None:
     """Simulate grid points of a result in time and say whether its numbers stand."""
-    from freqrail.case.quantities import shown_bytes
-    from freqrail.cli.tables import confirmation_text, number
+    from freqrail.cli.tables import confirmation_text
     from freqrail.confirm.confirm import carry_out
     from freqrail.confirm.run import check_cost, prepare_run
     from freqrail.result.confirmation import problems
     from freqrail.result.netcdf import check_target, write_result
+    from freqrail.text import number, shown_bytes
 
     run = prepare_run(result, at or None, seed, realisations, duration, integrator, start, band)
     _repeat_warnings(run.dataset)

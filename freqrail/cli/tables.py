@@ -15,7 +15,7 @@ import xarray as xr
 
 from freqrail.case.case import Case
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, meaning
-from freqrail.case.quantities import printable, shown_value
+from freqrail.case.quantities import shown_value
 from freqrail.model.band import band_limits, band_text
 from freqrail.model.responses import PREFIXES, RESPONSES
 from freqrail.model.spectrum import standard_deviation
@@ -25,6 +25,7 @@ from freqrail.result.axes import axis_label, axis_unit, first_failures, swept
 from freqrail.result.points import Point, confirmed_point
 from freqrail.solver.modes import modes
 from freqrail.sweep.off_grid import find
+from freqrail.text import number, printable
 
 Record = dict[str, Any]
 
@@ -54,15 +55,6 @@ DIGITS = {
     "simulation_percent": 2,
 }
 """Keys of records whose numbers are shown with other than four digits."""
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number in `digits` significant digits; whole numbers below ten million plain."""
-    if not math.isfinite(value):
-        return str(value)
-    if value == round(value, 0) and abs(value) < 1e7:
-        return f"{value + 0.0:.0f}"  # no minus before a zero
-    return f"{value:.{digits}g}"
 
 
 def table(records: Sequence[Record], columns: Sequence[str] | None = None) -> str:
@@ -216,12 +208,6 @@ def result_ranges(dataset: xr.Dataset) -> list[Record]:
                 }
             )
     return records
-
-
-def largest_error(dataset: xr.Dataset) -> float:
-    """The largest relative error estimate among all RMS values of a result; nan if there are none."""
-    errors = [v.values for k, v in dataset.data_vars.items() if str(k).endswith("_rms_relative_error")]
-    return max((float(np.nanmax(e)) for e in errors if np.isfinite(e).any()), default=math.nan)
 
 
 def result_axes(dataset: xr.Dataset) -> list[Record]:

@@ -35,11 +35,6 @@ def _jsonable(value: Any) -> Any:
     return value
 
 
-def counted(number: int, what: str) -> str:
-    """A number of things, in the plural but for one."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
 def program() -> str:
     """How to call this program again: its bare name if that is on the PATH, else as it was called."""
     called = sys.argv[0]
@@ -72,7 +67,7 @@ def tell(text: str) -> None:
 
 
 def _say(kind: str, text: str) -> None:
-    from freqrail.case.quantities import printable
+    from freqrail.text import printable
 
     for line in text.split("\n"):
         tell(f"freqrail: {kind}: {printable(line)}")

@@ -143,7 +143,7 @@ def check_plan(point: OperatingPoint, plan: Conditions) -> None:
     if plan.period < least:
         raise InputError(
             f"records of {plan.period:g} s are too short: a mode inside the band decays at {decay:.3g} 1/s, and the "
-            f'lines of a record must resolve its peak; --duration "{math.ceil(least)} s" or more is due, or a --band '
+            f'lines of a record must resolve its peak; --duration "{math.ceil(least)} s" or more is needed, or a --band '
             "without that mode"
         )
     samples = (plan.period + startup(point, plan)) * sampling_rate(point, plan, time_side(point, plan.names))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from freqrail.case.case import Case
 from freqrail.case.parameters import PARAMETERS, Parameter, suggestion
-from freqrail.case.quantities import given, parse_pair, parse_quantity
+from freqrail.case.quantities import parse_pair, parse_quantity
 from freqrail.confirm import conditions, simulation, time_side
 from freqrail.confirm.conditions import Conditions
 from freqrail.confirm.integrators import INTEGRATORS
@@ -25,6 +25,7 @@ from freqrail.model.band import Band
 from freqrail.model.responses import RESPONSES
 from freqrail.result.axes import axis_label, grid_axis
 from freqrail.result.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
+from freqrail.text import given
 
 WHOLE_AXIS_BAND = Band("frequency", 0.1, 100.0)
 """What a result without a band is confirmed over: a time run cannot take in the whole axis."""

@@ -14,8 +14,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from freqrail import files
-from freqrail.case.quantities import printable
 from freqrail.errors import FileError
+from freqrail.text import printable
 
 Style = Mapping[str, Any]
 

@@ -175,7 +175,7 @@ def _all_matter(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
         cells, dims=("response", "joint"), coords={"response": list(RESPONSE_NAMES), "joint": list(JOINTS)}
     )
     numbers = f"largest departure of each response by each joint {extent(largest, False)}"
-    return Outcome(largest > t.great, f"{numbers}; more than {whole(t.great)} is due", ("great",))
+    return Outcome(largest > t.great, f"{numbers}; more than {whole(t.great)} is needed", ("great",))
 
 
 def _great_errors(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:
@@ -191,7 +191,7 @@ def _great_errors(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome
     # the two joints need not have the same stiffnesses: NaN where a scan has no such point
     far = [(d > t.great).astype(float).reset_coords(drop=True) for d in apart.values()]
     true = xr.concat(far, xr.DataArray(labels, dims="scan", name="scan"), join="outer")
-    return Outcome(true, f"{words}; more than {whole(t.great)} is due", ("great", "region"))
+    return Outcome(true, f"{words}; more than {whole(t.great)} is needed", ("great", "region"))
 
 
 def _stiff_joints_agree(dataset: xr.Dataset, places: Places, t: Thresholds) -> Outcome:

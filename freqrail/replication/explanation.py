@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from freqrail.cli.tables import number
 from freqrail.model.responses import RESPONSES
 from freqrail.replication.claims import BOGIE, PAPER_SPEED
 from freqrail.replication.document import Block, Bullets, Heading, Paragraph, Table
 from freqrail.replication.mechanism import Filter, Mechanism
 from freqrail.replication.words import extent, percent
+from freqrail.text import number
 
 TITLES = ("Why joints change what they change", "What belongs to the rigid rail")
 

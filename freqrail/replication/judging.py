@@ -183,7 +183,7 @@ def differs(region: Region) -> Test:
 
     def test(s: Scan, t: Thresholds) -> Outcome:
         d = region(s.departure, t.region)
-        numbers = f"departure {extent(d)}; more than {whole(t.same)} is due"
+        numbers = f"departure {extent(d)}; more than {whole(t.same)} is needed"
         return Outcome(abs(d) > t.same, numbers, _entering("same", region))
 
     return test

@@ -13,7 +13,6 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case.parameters import JOINTS
-from freqrail.cli.tables import largest_error, number
 from freqrail.model.responses import RESPONSES
 from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.chains import poles
@@ -31,6 +30,8 @@ from freqrail.replication.studies import TABLE_I
 from freqrail.replication.thresholds import CHOSEN, KNIFE_EDGE, MEANING, PLAUSIBLE
 from freqrail.replication.unjudged import unjudged
 from freqrail.replication.variations import Variation
+from freqrail.result.axes import largest_error
+from freqrail.text import number
 
 _PAPER = (
     'Y. Yu, Y. Song, L. Zhao, C. Zhou, "Numerical Investigation on Train Vertical Dynamics with Damper Rubber Joint '

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import xarray as xr
 
@@ -59,3 +61,9 @@ def first_failures(dataset: xr.Dataset) -> list[str]:
         at = f"; the first at {where}" if where else ""
         lines.append(f"{words}: {len(bad)} of {values.size} grid points lack results ({counts}){at}")
     return lines
+
+
+def largest_error(dataset: xr.Dataset) -> float:
+    """The largest relative error estimate among all RMS values of a result; nan if there are none."""
+    errors = [v.values for k, v in dataset.data_vars.items() if str(k).endswith("_rms_relative_error")]
+    return max((float(np.nanmax(e)) for e in errors if np.isfinite(e).any()), default=math.nan)

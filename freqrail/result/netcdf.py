@@ -22,10 +22,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail import files
-from freqrail.case.quantities import given, shown_bytes
 from freqrail.errors import FileError, InputError
 from freqrail.result.check import faults
 from freqrail.result.content import SCHEMA_VERSION, Variable, content_digest, named_coordinates, narrowed
+from freqrail.text import given, shown_bytes
 
 _MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
 CHUNK = 1_000_000  # most bytes of a chunk of a variable in the file
@@ -255,7 +255,7 @@ def opened(path: str | os.PathLike[str], result: bool = True) -> Iterator[xr.Dat
         raise InputError(f"{source}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
     if not found_file:
         what = "is a folder" if folder else "is not a regular file" if there else "no such file"
-        raise InputError(f"{source}: {what}; a result of `freqrail sweep`, such as results/CASE.nc, is due")
+        raise InputError(f"{source}: {what}; a result of `freqrail sweep`, such as results/CASE.nc, is expected")
     if not head.startswith(_MAGIC):
         raise InputError(f"{source}: is not a NetCDF file" + (" (it is empty)" if not head else ""))
     with contextlib.ExitStack() as stack:

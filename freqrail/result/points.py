@@ -55,7 +55,7 @@ def result_case(dataset: xr.Dataset) -> Case:
     try:
         text, name = str(dataset.attrs["effective_case"]), str(dataset.attrs["case_name"])
     except KeyError as fault:
-        raise InputError(f"the dataset has no attribute {fault}: a result of freqrail's sweep is due") from None
+        raise InputError(f"the dataset has no attribute {fault}: a result of freqrail's sweep is expected") from None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FreqrailWarning)  # the sweep has told them
         return build_case(text, name=name, file="the result's case", stray_points=True)
@@ -212,5 +212,7 @@ def confirmed_point(dataset: xr.Dataset, point: Point) -> int:
     found = np.flatnonzero(keep)
     if found.size != 1:
         known = "; ".join(map(str, dataset["place"].values))
-        raise InputError(f"--at: names {found.size or 'none'} of the confirmed points, one is due (known: {known})")
+        raise InputError(
+            f"--at: names {found.size or 'none'} of the confirmed points, one is expected (known: {known})"
+        )
     return int(found[0])

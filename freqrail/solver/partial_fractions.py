@@ -1,6 +1,6 @@
 """Chains as partial fractions: their poles, polished, the residues there, and what rounding leaves of both.
 
-An element of a chain (see `freqrail.reduction.chain_columns`) is X(s) = sum of residue_k / (s - pole_k), m per metre of track.
+An element of a chain (see `reduction.chains`) is X(s) = sum of residue_k / (s - pole_k), m per metre of track.
 """
 
 from __future__ import annotations

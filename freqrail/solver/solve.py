@@ -1,7 +1,7 @@
 """RMS values over a whole grid of vehicles and speeds: closed form or quadrature, in blocks, each judged.
 
 The speed axis of every block is one matrix product, where its vehicles can share one set of quadrature nodes
-(`freqrail.solver.panels`). Where resonances are too narrow for that (the wheelsets ringing on a rigid rail), and where the
+(`solver.panels`). Where resonances are too narrow for that (the wheelsets ringing on a rigid rail), and where the
 shared nodes miss the tolerance, each vehicle gets nodes of its own. The bits of a value do not depend on how the grid
 is cut into blocks, nor on the number of workers.
 """

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.case.quantities import given
 from freqrail.errors import FileError, FreqrailWarning, InputError
 from freqrail.solver.solve import processors
 from freqrail.sweep import parts
 from freqrail.sweep.parts import Part
 from freqrail.sweep.plan import Plan
 from freqrail.sweep.sweep import Executor
+from freqrail.text import given
 from freqrail.types import Progress, SecondsProgress
 from freqrail.version import __version__
 
@@ -47,7 +47,7 @@ def check(address: str) -> None:
     well_formed = found and len(found[2]) <= _LONGEST_HOST and 0 < int(found[3]) < 65536
     if address != "local" and not well_formed:
         raise InputError(
-            f'--dask: "local" or the address of a scheduler, as in tcp://HOST:8786, is due {given(address)}'
+            f'--dask: "local" or the address of a scheduler, as in tcp://HOST:8786, is expected {given(address)}'
         )
     try:
         import distributed  # noqa: F401

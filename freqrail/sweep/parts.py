@@ -96,7 +96,7 @@ def unpack(plan: Plan, block: Part, data: bytes) -> dict[str, NDArray]:
         result[name] = np.frombuffer(data, little, count, start).reshape(variable.shape)
         start += count * little.itemsize
     if start != len(data):
-        raise ValueError(f"a block of {len(data)} bytes where {start} are due")
+        raise ValueError(f"a block of {len(data)} bytes where {start} are expected")
     return result
 
 

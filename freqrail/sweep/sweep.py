@@ -14,7 +14,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail.case.case import Case, load_case
-from freqrail.case.quantities import given
 from freqrail.errors import InputError
 from freqrail.result import axes, labels, layout, netcdf
 from freqrail.solver import solve
@@ -22,6 +21,7 @@ from freqrail.sweep import parts, plausibility
 from freqrail.sweep.journal import Journal
 from freqrail.sweep.parts import Part
 from freqrail.sweep.plan import Plan, check_memory
+from freqrail.text import given
 from freqrail.types import Progress
 from freqrail.version import __version__
 

@@ -322,7 +322,7 @@ UNREADABLE = {
         "not valid as a case: nested too deeply",
     ),
     "too large": (b"#" * 1_000_001, "too large for a case file (got 1000001 bytes, limit 1000000)"),
-    "a NetCDF file": (b"\x89HDF\r\n\x1a\n" + b"\0" * 50, "is a NetCDF file, a case file is due"),
+    "a NetCDF file": (b"\x89HDF\r\n\x1a\n" + b"\0" * 50, "is a NetCDF file, a case file is expected"),
 }
 
 
@@ -407,7 +407,7 @@ FAULTS = {
         "schema_version",
         "(got a very large int)",
     ),
-    "title a number": (put("", "title", "5"), "title", "text is due (got 5)"),
+    "title a number": (put("", "title", "5"), "title", "text is expected (got 5)"),
     "NUL in a title": (
         put("", "title", r'"a\u0000b"'),
         "title",
@@ -431,7 +431,7 @@ FAULTS = {
     "a bare number": (
         put("vehicle", "bogie_mass", "600"),
         "[vehicle].bogie_mass",
-        'text with a unit is due, such as "600 kg", not a bare number (got 600)',
+        'text with a unit is expected, such as "600 kg", not a bare number (got 600)',
     ),
     "a bare float": (put("vehicle", "bogie_mass", "600.0"), "[vehicle].bogie_mass", "not a bare number (got 600.0)"),
     "a huge hexadecimal number": (
@@ -457,12 +457,12 @@ FAULTS = {
     "wrong dimension": (
         put("vehicle", "primary_stiffness", '"875 kN*s/m"'),
         "[vehicle].primary_stiffness",
-        'wrong dimension: a stiffness in N/m, such as "875 kN/m", is due (got "875 kN*s/m")',
+        'wrong dimension: a stiffness in N/m, such as "875 kN/m", is expected (got "875 kN*s/m")',
     ),
     "unknown unit": (
         put("vehicle", "primary_stiffness", '"875 kX/m"'),
         "[vehicle].primary_stiffness",
-        "unknown unit 'kX/m': a stiffness such as \"875 kN/m\" is due",
+        "unknown unit 'kX/m': a stiffness such as \"875 kN/m\" is expected",
     ),
     "nan": (
         put("vehicle", "bogie_mass", '"nan kg"'),
@@ -662,7 +662,7 @@ FAULTS = {
         "[band].frequency",
         "wrong dimension: a frequency in Hz",
     ),
-    "one limit": (put("band", "frequency", '["0.1 Hz"]'), "[band].frequency", "two quantities are due"),
+    "one limit": (put("band", "frequency", '["0.1 Hz"]'), "[band].frequency", "two quantities are expected"),
     "both bands": (
         put("band", "wavelength", '["1 m", "200 m"]'),
         "[band]",
@@ -737,10 +737,14 @@ FAULTS = {
     "points no list": (
         put("confirm", "points", '"250 km/h"'),
         "[confirm].points",
-        'a list of points is due, such as [{ speed = "250 km/h" }] (got "250 km/h")',
+        'a list of points is expected, such as [{ speed = "250 km/h" }] (got "250 km/h")',
     ),
-    "points a list of text": (put("confirm", "points", '["250 km/h"]'), "[confirm].points", "a list of points is due"),
-    "points 400 deep": (put("confirm", "points", deep(400)), "[confirm].points", "a list of points is due"),
+    "points a list of text": (
+        put("confirm", "points", '["250 km/h"]'),
+        "[confirm].points",
+        "a list of points is expected",
+    ),
+    "points 400 deep": (put("confirm", "points", deep(400)), "[confirm].points", "a list of points is expected"),
 }
 
 
@@ -779,9 +783,9 @@ def test_a_missing_file_a_folder_and_a_device(tmp_path, monkeypatch):
         "yu-damper-join: no such case file, and no shipped case of that name (did you mean yu-damper-joint?)"
     )
     assert "nothere.toml: no such case file" in refusal(lambda: load_case(tmp_path / "nothere.toml"))[0]
-    assert refusal(lambda: load_case(tmp_path)) == (f"{tmp_path}: is a folder, a case file is due",)
-    assert refusal(lambda: load_case("")) == (".: is a folder, a case file is due",)
-    assert refusal(lambda: load_case("/dev/null")) == ("/dev/null: is not a regular file, a case file is due",)
+    assert refusal(lambda: load_case(tmp_path)) == (f"{tmp_path}: is a folder, a case file is expected",)
+    assert refusal(lambda: load_case("")) == (".: is a folder, a case file is expected",)
+    assert refusal(lambda: load_case("/dev/null")) == ("/dev/null: is not a regular file, a case file is expected",)
     assert "cannot be opened" in refusal(lambda: load_case("x" * 5000))[0]
     assert "x\0y" in refusal(lambda: load_case("x\0y"))[0]
 
@@ -1083,7 +1087,7 @@ SETTINGS = {
     "the version": ({"schema_version": "1"}, "--set schema_version: unknown name"),
     "a bad value": ({"bogie_mass": "5"}, "--set bogie_mass: a unit is missing"),
     "a bad value with its section": ({"vehicle.bogie_mass": "5"}, "--set vehicle.bogie_mass: a unit is missing"),
-    "a bare number": ({"bogie_mass": 5}, "--set bogie_mass: text with a unit is due"),
+    "a bare number": ({"bogie_mass": 5}, "--set bogie_mass: text with a unit is expected"),
     "a band": (
         {"band": "0.1:100 Hz"},
         '--set band: only "band=none", or --set "frequency=0.1:100 Hz", will do (got "0.1:100 Hz")',
@@ -1103,7 +1107,7 @@ SETTINGS = {
     "an axis that there is not": ({"sweep.sped": "1 km/h"}, "--set sweep.sped: unknown name (did you mean speed?)"),
     "a roughness": ({"roughness": "1e-7 m^2*rad/m"}, '--set roughness: belongs to spectrum = "rational" only'),
     "text that no file can hold": ({"title": "\udc80"}, "--set title: holds a NUL or another character"),
-    "a number for a title": ({"title": 5}, "--set title: text is due (got 5)"),
+    "a number for a title": ({"title": 5}, "--set title: text is expected (got 5)"),
 }
 
 

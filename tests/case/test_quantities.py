@@ -135,7 +135,7 @@ def test_speeds_in_any_unit_are_read_as_by_hand(unit, number):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("car_body_mass", 15200, 'text with a unit is due, such as "15200 kg", not a bare number (got 15200)'),
+        ("car_body_mass", 15200, 'text with a unit is expected, such as "15200 kg", not a bare number (got 15200)'),
         ("car_body_mass", 15200.0, "not a bare number (got 15200.0)"),
         ("car_body_mass", math.inf, "not a bare number (got inf)"),
         ("car_body_mass", True, "not a boolean (got True)"),
@@ -172,10 +172,10 @@ def test_speeds_in_any_unit_are_read_as_by_hand(unit, number):
         ("car_body_mass", "-5 kg", "must be greater than 0 kg"),
         ("primary_damping", "-1 N*s/m", 'must be at least 0 N*s/m (got "-1 N*s/m")'),
         ("primary_stiffness", "-875 kN/m", "must be greater than 0 N/m"),
-        ("primary_stiffness", "875 kN*s/m", 'wrong dimension: a stiffness in N/m, such as "875 kN/m", is due'),
+        ("primary_stiffness", "875 kN*s/m", 'wrong dimension: a stiffness in N/m, such as "875 kN/m", is expected'),
         ("primary_stiffness", "875 kNs/m", "unknown unit 'kNs/m'"),
         ("primary_stiffness", "875 furlongs", "wrong dimension"),
-        ("primary_stiffness", "875 kN/foo", "unknown unit 'kN/foo': a stiffness such as \"875 kN/m\" is due"),
+        ("primary_stiffness", "875 kN/foo", "unknown unit 'kN/foo': a stiffness such as \"875 kN/m\" is expected"),
         ("primary_stiffness", "875 kN/", "not a unit: 'kN/'"),
         ("primary_stiffness", "875 KN/M", "unknown unit"),
         ("primary_joint_stiffness", "0 N/m", 'must be at least 1 N/m, or "inf" for a rigid joint (got "0 N/m")'),
@@ -225,11 +225,11 @@ def test_pairs_in_all_their_forms(value):
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        ("100 Hz", 'two quantities are due, as in ["0.1 Hz", "100 Hz"] or "0.1:100 Hz" (got "100 Hz")'),
-        (["0.1 Hz"], "two quantities are due"),
-        (["0.1 Hz", "1 Hz", "2 Hz"], "two quantities are due"),
-        ("1:2:3 Hz", "two quantities are due"),
-        (5, "two quantities are due"),
+        ("100 Hz", 'two quantities are expected, as in ["0.1 Hz", "100 Hz"] or "0.1:100 Hz" (got "100 Hz")'),
+        (["0.1 Hz"], "two quantities are expected"),
+        (["0.1 Hz", "1 Hz", "2 Hz"], "two quantities are expected"),
+        ("1:2:3 Hz", "two quantities are expected"),
+        (5, "two quantities are expected"),
         ([0.1, 100], "not a bare number"),
         ("1,5 Hz", 'a unit is missing: write it as in "0.1 Hz" (got "1")'),
         ("0.1:100", "a unit is missing"),

@@ -293,5 +293,5 @@ def test_functions_take_cases_and_files_as_the_commands_do(here):
     for jobs in (0, 1.5, True):
         with pytest.raises(freqrail.FreqrailError, match="jobs: must be a whole number"):
             freqrail.sweep("yu-damper-joint", jobs=jobs)
-    with pytest.raises(freqrail.FreqrailError, match="a case file's path or a shipped case's name is due"):
+    with pytest.raises(freqrail.FreqrailError, match="a case file's path or a shipped case's name is expected"):
         freqrail.load_case(5)

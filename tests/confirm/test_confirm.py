@@ -346,7 +346,7 @@ def test_the_cases_own_value_on_a_logarithmic_axis_is_computed_anew_and_confirme
         ({"integrator": "rk4"}, "--integrator: unknown (did you mean rk45?)"),
         ({"start": "middle"}, "--start: unknown"),
         ({"band": "100:0.1 Hz"}, "--band: the lower limit must be below"),
-        ({"band": "100 Hz"}, "--band: two quantities are due"),
+        ({"band": "100 Hz"}, "--band: two quantities are expected"),
         ({"band": "0:100 Hz"}, "--band: must be greater than 0"),
     ],
 )

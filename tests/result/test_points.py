@@ -248,4 +248,4 @@ def test_a_dataset_without_its_case_is_refused(result, attribute):
     stripped = result.copy()
     del stripped.attrs[attribute]
     (problem,) = refusal(stripped)
-    assert problem == f"the dataset has no attribute '{attribute}': a result of freqrail's sweep is due"
+    assert problem == f"the dataset has no attribute '{attribute}': a result of freqrail's sweep is expected"

@@ -113,7 +113,7 @@ MALFORMED += ["tcp://user@h:1", f"tcp://{'a' * 300}:1", "tcp://\udcff:1", "tcp:/
 def test_a_malformed_address_is_one_line(address, here, capsys):
     assert commands.run(["sweep", "yu-damper-joint", "--dask", address]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "as in tcp://HOST:8786, is due (got " in line
+    assert "as in tcp://HOST:8786, is expected (got " in line
 
 
 def silent(client: socket.socket) -> None:

@@ -306,8 +306,8 @@ def test_what_a_warning_says_to_accept_is_accepted():
     [
         ("radius = [0.5, 2]", "accepted: unknown warning 'radius' (known: "),
         ("radius_of_gyratio = [0.5, 2]", "unknown warning 'radius_of_gyratio' (did you mean radius_of_gyration?)"),
-        ("wheelset = 2", "wheelset: two numbers are due, as in wheelset = [0.5, 2.5] (got 2)"),
-        ('wheelset = ["1 t", "2 t"]', "wheelset: two numbers are due"),
+        ("wheelset = 2", "wheelset: two numbers are expected, as in wheelset = [0.5, 2.5] (got 2)"),
+        ('wheelset = ["1 t", "2 t"]', "wheelset: two numbers are expected"),
         ("wheelset = [3, 2]", "wheelset: the first number must be less than the second"),
         ("wheelset = [nan, 2]", "wheelset: the first number must be less than the second"),
     ],
