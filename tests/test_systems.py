@@ -45,7 +45,10 @@ def fsync(handle):
 
 os.open, os.fsync = open_, fsync
 """
-RUN = "from freqrail.cli.commands import run\nfor arguments in {commands}:\n    print(run(arguments), 'fcntl' in sys.modules)\n"
+RUN = (
+    "from freqrail.cli.commands import run\n"
+    "for arguments in {commands}:\n    print(run(arguments), 'fcntl' in sys.modules)\n"
+)
 SWEEP = ["sweep", "yu-damper-joint", "--over", "speed=200 km/h", "--over", "primary_joint_stiffness=5 MN/m"]
 
 

@@ -169,8 +169,8 @@ def build_case(
         problems += _point_problems(points, _scalars(quantities, masses), axes, file)
     if checked is None or problems:
         raise InputError(*dict.fromkeys(problems))
-    told = (*_millinewtons(quantities, axes, where), *_soft_joints(quantities, axes, where))
-    for line in told:
+    warned = (*_millinewtons(quantities, axes, where), *_soft_joints(quantities, axes, where))
+    for line in warned:
         warnings.warn(line, FreqrailWarning, stacklevel=3)
     return Case(
         name=name,
@@ -184,7 +184,7 @@ def build_case(
         frequency=frequency,
         points=tuple(points.values()),
         accepted=checked.accepted,
-        warnings=told,
+        warnings=warned,
         text=text,
         effective=to_toml(tables),
     )

@@ -1,7 +1,7 @@
 """What railway vehicles have: the usual range of what a case comes to, and what to look at outside it.
 
 Every range takes in the vehicles that docs/conventions.md lists, with room to spare; each is narrow enough that the
-usual slips leave it (`tests/sweep/test_plausibility.py` is the table of both). A case may take another range for usual, under
+usual slips leave it (tests/sweep/test_plausibility.py). A case may take another range for usual, under
 its [accepted] table. `sweep.plausibility` measures.
 """
 

@@ -214,7 +214,7 @@ def parse_quantity(parameter: Parameter, text: object) -> Quantity:
     """A quantity of the case file, such as "875 kN/m", checked for dimension and bounds.
 
     Raises ValueError, with the right spelling, for a bare number, a decimal comma, a missing,
-    unknown or wrong unit, nan, or a value outside the parameter's bounds (see `names.Parameter`).
+    unknown or wrong unit, nan, or a value outside the parameter's bounds (see `parameters.Parameter`).
     """
     got = given(text)
     if not isinstance(text, str):

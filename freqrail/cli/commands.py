@@ -147,7 +147,7 @@ def sweep(
     facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.layout.names)}
     facts["vehicle"] = plausibility.vitals(loaded)
     if dry_run:
-        plausibility.told(loaded)
+        plausibility.warn(loaded)
         jobs = jobs or processors()
         seconds = plan.seconds(jobs)
         facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
@@ -177,9 +177,9 @@ def sweep(
     failures = list(outcome.failures)
     next_step = "show" if plan.points == 1 or math.isnan(outcome.largest_error) else "plot"
     error = outcome.largest_error
-    told = plausibility.recalled({"warnings": outcome.told})
+    warned = plausibility.recalled({"warnings": outcome.warnings})
     facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
-    facts["warnings"] = told
+    facts["warnings"] = warned
     taken_over = f", {counted(outcome.resumed, 'block')} taken over" if resume else ""
     accuracy = f"largest estimated error {error:.1e} (relative, numerical only)"
     if math.isnan(error):
@@ -190,7 +190,7 @@ def sweep(
         f"{counted(plan.points, 'grid point')} ({grid}), {counted(len(plan.layout.names), 'response')}, "
         "with joints and traditional",
         plausibility.vitals_text(loaded),
-        *filter(None, [plausibility.accepted_text(told)]),
+        *filter(None, [plausibility.accepted_text(warned)]),
         f"band {band_text(loaded.band)}; {accuracy}",
         f"written: {target} ({shown_bytes(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
         f"next: {program()} {next_step} {shlex.quote(str(target))}",
@@ -361,7 +361,7 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
     from freqrail.sweep import plausibility
 
     case = load_case(what, settings, scalars=True)
-    told = plausibility.recalled({"warnings": plausibility.stored(plausibility.told(case), case)})
+    warned = plausibility.recalled({"warnings": plausibility.stored(plausibility.warn(case), case)})
     parts: dict[str, list[cli_tables.Record]] = {
         "parameters": cli_tables.case_parameters(case),
         "derived": cli_tables.case_derived(case),
@@ -369,8 +369,8 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
         "axes": cli_tables.case_axes(case),
     }
     tables = [cli_tables.table(records) for records in parts.values() if records]
-    head = [cli_tables.case_head(case), plausibility.vitals_text(case), plausibility.accepted_text(told)]
-    facts = {"title": case.title, "vehicle": plausibility.vitals(case), "warnings": told, **parts}
+    head = [cli_tables.case_head(case), plausibility.vitals_text(case), plausibility.accepted_text(warned)]
+    facts = {"title": case.title, "vehicle": plausibility.vitals(case), "warnings": warned, **parts}
     report(facts, as_json, "\n\n".join(["\n".join(filter(None, head)), *tables]))
 
 
@@ -387,7 +387,7 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
     dataset = read_result(what)
-    told = _repeat_warnings(dataset)
+    warned = _repeat_warnings(dataset)
     if is_confirmation(dataset):
         facts, lines = cli_tables.confirmation_text(dataset, point)
         report(facts, as_json, *lines)
@@ -399,9 +399,9 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
     parts = {"axes": cli_tables.result_axes(dataset), "ranges": cli_tables.result_ranges(dataset)}
     hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
     case = result_case(dataset)
-    head = [cli_tables.result_head(dataset), plausibility.vitals_text(case), plausibility.accepted_text(told)]
+    head = [cli_tables.result_head(dataset), plausibility.vitals_text(case), plausibility.accepted_text(warned)]
     report(
-        {"title": dataset.attrs.get("title", ""), "vehicle": plausibility.vitals(case), "warnings": told, **parts},
+        {"title": dataset.attrs.get("title", ""), "vehicle": plausibility.vitals(case), "warnings": warned, **parts},
         as_json,
         "\n\n".join(["\n".join(filter(None, head)), *cli_tables.result_tables(dataset), hint]),
     )
@@ -455,11 +455,11 @@ def _repeat_warnings(dataset: Any) -> list[dict[str, Any]]:
     """Say again what was warned of when a result was computed; all that its file keeps of it, accepted or not."""
     from freqrail.sweep.plausibility import recalled
 
-    told = recalled(dataset.attrs)
-    for record in told:
+    warned = recalled(dataset.attrs)
+    for record in warned:
         if not record["accepted"]:
             warnings.warn(record["text"], FreqrailWarning, stacklevel=2)
-    return told
+    return warned
 
 
 # --- helpers ---------------------------------------------------------------------------------------

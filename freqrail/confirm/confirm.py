@@ -8,10 +8,10 @@ import warnings
 import xarray as xr
 
 from freqrail.confirm import processes, simulation, time_side
-from freqrail.confirm.conditions import Conditions
 from freqrail.confirm.labels import label
 from freqrail.confirm.references import references
 from freqrail.confirm.run import GivenPoints, Run, check_cost, prepare_run
+from freqrail.confirm.setup import Setup
 from freqrail.confirm.simulation import Simulation
 from freqrail.errors import FreqrailWarning
 from freqrail.result.confirmation import power_warnings
@@ -55,7 +55,7 @@ def confirm(
 
 
 def carry_out(run: Run, jobs: int = 1, progress: Progress = lambda seconds: None) -> xr.Dataset:
-    """Simulate and judge the points of a plan; see `confirm`."""
+    """Simulate and judge the points of a setup; see `confirm`."""
     simulated, said = 0.0, 0
 
     def whole_seconds(seconds: float) -> None:
@@ -65,19 +65,20 @@ def carry_out(run: Run, jobs: int = 1, progress: Progress = lambda seconds: None
             progress(int(simulated) - said)
             said = int(simulated)
 
-    tasks = [(point, plan, not place) for place, (point, plan) in enumerate(zip(run.points, run.plans, strict=True))]
-    evidence = processes.run(_examine, tasks, jobs, whole_seconds)
+    tasks = [(point, setup, not place) for place, (point, setup) in enumerate(zip(run.points, run.setups, strict=True))]
+    simulations = processes.run(_examine, tasks, jobs, whole_seconds)
     found = [
-        references(point, plan, run.case.band, run.frequency) for point, plan in zip(run.points, run.plans, strict=True)
+        references(point, setup, run.case.band, run.frequency)
+        for point, setup in zip(run.points, run.setups, strict=True)
     ]
-    dataset = label(run, evidence, found)
+    dataset = label(run, simulations, found)
     for line in power_warnings(dataset):
         warnings.warn(line, FreqrailWarning, stacklevel=2)
     return dataset
 
 
-def _examine(point: time_side.OperatingPoint, plan: Conditions, tighter: bool, progress: SecondsProgress) -> Simulation:
-    """`timedomain.examine`, telling of its progress in steps that are worth a message between processes."""
+def _examine(point: time_side.OperatingPoint, setup: Setup, tighter: bool, progress: SecondsProgress) -> Simulation:
+    """`simulation.examine`, telling of its progress in steps that are worth a message between processes."""
     waiting = 0.0
 
     def advance(seconds: float) -> None:
@@ -87,4 +88,4 @@ def _examine(point: time_side.OperatingPoint, plan: Conditions, tighter: bool, p
             progress(waiting)
             waiting = 0.0
 
-    return simulation.examine(point, plan, tighter=tighter, progress=advance)
+    return simulation.examine(point, setup, tighter=tighter, progress=advance)

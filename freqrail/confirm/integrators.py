@@ -1,7 +1,7 @@
 """Time integration of dx/dt = A x + B v for many records at once.
 
 An integrator is a generator: it steps through the track's start and one period after it and yields blocks of the
-states at evenly spaced times of that period. All take the linear state space of `vehicle.state_space`, or several of
+states at evenly spaced times of that period. All take the linear state space of `equations.state_space`, or several of
 them stacked, and a state of many columns, one a record, so that the interpreter's cost of a step is paid once.
 
 - `rk45` and `radau`: scipy's, with error control;

@@ -1,4 +1,4 @@
-"""The evidence of a confirmation as a labelled dataset; `freqrail.result.confirmation` reads it.
+"""A confirmation as a labelled dataset; `result.confirmation` reads it.
 
 Dimensions: point, model (joint, traditional), the position of a response, record; series for the verdicts, which are
 of every response that the result holds. Swept parameters are coordinates of the points, in the units of the result.
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import Axis
 from freqrail.case.quantities import unit_factor
-from freqrail.confirm import conditions as confirm_conditions
+from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import statistics
-from freqrail.confirm.conditions import MODELS
 from freqrail.confirm.references import References
 from freqrail.confirm.run import Run
+from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
 from freqrail.model import responses
 from freqrail.model.band import band_text
@@ -49,24 +49,24 @@ RANGES = ("3-25 m", "band")
 Variables = dict[str, tuple[Any, Any, dict[str, Any]]]
 
 
-def label(run: Run, evidence: Sequence[Simulation], found: Sequence[References]) -> xr.Dataset:
+def label(run: Run, simulations: Sequence[Simulation], found: Sequence[References]) -> xr.Dataset:
     """What was found at the points of a run, judged, named and with units. found: the frequency domain's numbers."""
-    by_series = _checks(run, evidence, found)
+    by_series = _checks(run, simulations, found)
     described: Variables = {
         name: (("point", "model", "series"), values, attributes) for name, (values, attributes) in by_series.items()
     }
-    variables = described | _by_response(run, evidence, found, by_series) | _by_point(run, evidence, found)
-    return xr.Dataset(variables, _coordinates(run, evidence), _attributes(run, evidence))
+    variables = described | _by_response(run, simulations, found, by_series) | _by_point(run, simulations, found)
+    return xr.Dataset(variables, _coordinates(run, simulations), _attributes(run, simulations))
 
 
 def _checks(
-    run: Run, evidence: Sequence[Simulation], found: Sequence[References]
+    run: Run, simulations: Sequence[Simulation], found: Sequence[References]
 ) -> dict[str, tuple[NDArray, dict[str, Any]]]:
     """Differences, tolerances and verdicts, [point, model, series], by name with their attributes."""
     kernel = np.array([f.kernel for f in found])
-    pooled, degrees = np.array([e.pooled for e in evidence]), np.array([e.degrees for e in evidence])
+    pooled, degrees = np.array([e.pooled for e in simulations]), np.array([e.degrees for e in simulations])
     low, high = statistics.interval(pooled, degrees, statistics.simultaneous(kernel.size))
-    solver = np.array([e.solver_error for e in evidence])
+    solver = np.array([e.solver_error for e in simulations])
     differences: dict[str, NDArray[np.float64]] = {
         "kernel": kernel / np.array([f.line_spectrum for f in found]) - 1,
         "result": _stored(run, "rms") / np.array([f.own for f in found]) - 1,
@@ -80,10 +80,10 @@ def _checks(
         rounding = np.array([f.covariance_rounding for f in found])
         differences["whole_axis"] = np.array([f.own for f in found]) / covariance - 1
         tolerances["whole_axis"] = KERNEL_TOLERANCE + ROUNDING_SAFETY * rounding
-    psd, line_psd = _spectral_differences(run, evidence, found)
+    psd, line_psd = _spectral_differences(run, simulations, found)
     judged = {
         "solver": statistics.tolerance_verdicts(
-            solver, _by_model(run, confirm_conditions.SOLVER_TOLERANCE), verdicts.FAILED
+            solver, _by_model(run, confirm_setup.SOLVER_TOLERANCE), verdicts.FAILED
         ),
         "statistical": statistics.statistical_verdicts(pooled, degrees, kernel, kernel.size),
         **{name: statistics.tolerance_verdicts(value, tolerances[name]) for name, value in differences.items()},
@@ -135,14 +135,14 @@ def _checks(
 
 def _by_model(run: Run, tolerance: Mapping[str, float]) -> NDArray[np.float64]:
     """What the integrators of a run are allowed, [model, 1]."""
-    return np.array([[tolerance[confirm_conditions.integrator_of(run.plans[0], model)]] for model in MODELS])
+    return np.array([[tolerance[confirm_setup.integrator_of(run.setups[0], model)]] for model in MODELS])
 
 
 def _spectral_differences(
-    run: Run, evidence: Sequence[Simulation], found: Sequence[References]
+    run: Run, simulations: Sequence[Simulation], found: Sequence[References]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Largest relative differences of the result's PSDs and of record 0's lines, [point, model, series] each."""
-    lines = np.array([np.max(np.abs(e.psd_simulated - e.psd), -1) / np.max(e.psd, -1) for e in evidence])
+    lines = np.array([np.max(np.abs(e.psd_simulated - e.psd), -1) / np.max(e.psd, -1) for e in simulations])
     if not run.frequency.size:
         return np.full_like(lines, np.nan), lines
     own = np.array([f.psd for f in found])
@@ -151,30 +151,38 @@ def _spectral_differences(
 
 
 def _by_response(
-    run: Run, evidence: Sequence[Simulation], found: Sequence[References], checks: Mapping[str, tuple[NDArray, Any]]
+    run: Run, simulations: Sequence[Simulation], found: Sequence[References], checks: Mapping[str, tuple[NDArray, Any]]
 ) -> Variables:
     """The numbers behind the checks, a variable a response: <response>_<what>."""
-    pooled, degrees = np.array([e.pooled for e in evidence]), checks["degrees_of_freedom"][0]
+    pooled, degrees = np.array([e.pooled for e in simulations]), checks["degrees_of_freedom"][0]
     low, high = statistics.interval(pooled, degrees)
     verdict_low, verdict_high = statistics.interval(pooled, degrees, statistics.simultaneous(pooled.size))
     every: dict[str, tuple[Any, str, tuple[str, ...]]] = {
         "rms_frequency_domain": ([f.kernel for f in found], "RMS by frequency responses, continuous spectrum", ()),
-        "rms_line_spectrum": ([e.line_spectrum for e in evidence], "RMS of a record by its line spectrum", ("record",)),
-        "rms_time_domain": ([e.simulated for e in evidence], "RMS of a record by simulation", ("record",)),
+        "rms_line_spectrum": (
+            [e.line_spectrum for e in simulations],
+            "RMS of a record by its line spectrum",
+            ("record",),
+        ),
+        "rms_time_domain": ([e.simulated for e in simulations], "RMS of a record by simulation", ("record",)),
         "rms_pooled": (pooled, "RMS of all Gaussian records together by simulation", ()),
         "rms_interval_low": (low, "lower limit of the 95 % interval by simulation", ()),
         "rms_interval_high": (high, "upper limit of the 95 % interval by simulation", ()),
         "rms_verdict_low": (verdict_low, "lower limit of the interval that decides", ()),
         "rms_verdict_high": (verdict_high, "upper limit of the interval that decides", ()),
-        "psd_frequency_domain": (_padded([e.psd for e in evidence]), "one-sided PSD by frequency responses", ("line",)),
+        "psd_frequency_domain": (
+            _padded([e.psd for e in simulations]),
+            "one-sided PSD by frequency responses",
+            ("line",),
+        ),
         "psd_time_domain": (
-            _padded([e.psd_simulated for e in evidence]),
+            _padded([e.psd_simulated for e in simulations]),
             "one-sided PSD of record 0 by simulation",
             ("line",),
         ),
         # single precision: these are to be drawn, and would be most of the file
         "history": (
-            _padded([e.histories for e in evidence]).astype(np.float32),
+            _padded([e.histories for e in simulations]).astype(np.float32),
             "beginning of record 0 by simulation",
             ("sample",),
         ),
@@ -201,12 +209,12 @@ def _by_response(
     return variables
 
 
-def _by_point(run: Run, evidence: Sequence[Simulation], found: Sequence[References]) -> Variables:
+def _by_point(run: Run, simulations: Sequence[Simulation], found: Sequence[References]) -> Variables:
     """The track of record 0, what both sides share, and how the points were run."""
     metre, number, second = {"units": "m"}, {"units": "1"}, {"units": "s"}
-    simulated, closed = np.array([e.track_deviation for e in evidence]), np.array([f.track_deviation for f in found])
+    simulated, closed = np.array([e.track_deviation for e in simulations]), np.array([f.track_deviation for f in found])
     ranges = np.array(
-        [confirm_conditions.track_ranges(point, plan) for point, plan in zip(run.points, run.plans, strict=True)]
+        [confirm_setup.track_ranges(point, setup) for point, setup in zip(run.points, run.setups, strict=True)]
     )
     speed = np.array([[[point.speed]] for point in run.points])
     judged = statistics.tolerance_verdicts(simulated / closed - 1, np.full(closed.shape, TRACK_TOLERANCE))
@@ -253,30 +261,30 @@ def _by_point(run: Run, evidence: Sequence[Simulation], found: Sequence[Referenc
         ),
         "lag_simulated": (
             ("point", "axle"),
-            np.array([e.lags for e in evidence]),
+            np.array([e.lags for e in simulations]),
             second | {"long_name": "lag of a wheel behind the first, read off the track of record 0"},
         ),
         "track_height": (
             ("point", "axle", "sample"),
-            _padded([e.heights for e in evidence]).astype(np.float32),
+            _padded([e.heights for e in simulations]).astype(np.float32),
             metre | {"long_name": "track height under the wheels, beginning of record 0"},
         ),
         "startup": (
             "point",
-            np.array([e.startup for e in evidence]),
+            np.array([e.startup for e in simulations]),
             second | {"long_name": "simulated before the measured period and discarded, the ramp included"},
         ),
         "solver_tolerance": (
             "model",
-            _by_model(run, confirm_conditions.SOLVER_TOLERANCE)[:, 0],
+            _by_model(run, confirm_setup.SOLVER_TOLERANCE)[:, 0],
             number | {"long_name": "largest solver error that is allowed"},
         ),
         "relative_tolerance": (
             "point",
             np.array(
                 [
-                    confirm_conditions.accuracy(point, plan).relative
-                    for point, plan in zip(run.points, run.plans, strict=True)
+                    confirm_setup.accuracy(point, setup).relative
+                    for point, setup in zip(run.points, run.setups, strict=True)
                 ]
             ),
             number | {"long_name": "rtol of rk45 and radau"},
@@ -292,7 +300,7 @@ def _padded(arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     )
 
 
-def _coordinates(run: Run, evidence: Sequence[Simulation]) -> dict[str, Any]:
+def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     coordinates: dict[str, Any] = {
         "point": ("point", np.arange(1, len(run.points) + 1, dtype=np.int32), {"long_name": "confirmed grid point"}),
         "model": ("model", np.array(MODELS), {"long_name": "with damper joints, or traditional with rigid ones"}),
@@ -300,18 +308,18 @@ def _coordinates(run: Run, evidence: Sequence[Simulation]) -> dict[str, Any]:
         "wavelength_range": ("wavelength_range", np.array(RANGES), {"long_name": "range of wavelengths of the track"}),
         "record": (
             "record",
-            np.arange(run.plans[0].realisations + 1, dtype=np.int32),
+            np.arange(run.setups[0].realisations + 1, dtype=np.int32),
             {"long_name": "record: 0 with fixed amplitudes and random phases, the others Gaussian"},
         ),
         "place": ("point", np.array(run.labels), {"long_name": "the grid point in words"}),
         "frequency": (
             ("point", "line"),
-            _padded([e.frequency for e in evidence]),
+            _padded([e.frequency for e in simulations]),
             {"units": "Hz", "long_name": "frequency of the lines at which spectra are kept"},
         ),
         "time": (
             ("point", "sample"),
-            _padded([e.time for e in evidence]),
+            _padded([e.time for e in simulations]),
             {"units": "s", "long_name": "time from the start of the measured period"},
         ),
     }
@@ -332,40 +340,40 @@ def _axis_of_points(run: Run, name: str) -> Axis:
     return replace(axis, values=np.array(values), si=np.array(si))
 
 
-def _attributes(run: Run, evidence: Sequence[Simulation]) -> dict[str, Any]:
+def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     """The dataset's attributes: its case's and the conditions of the runs."""
-    plan = run.plans[0]
+    setup = run.setups[0]
     described = attributes(run.case, "confirmation")
     versions = json.loads(described["versions"]) | {"scipy": scipy.__version__}
-    steady = plan.start == "steady"
-    accuracy = plan.accuracy
-    discard = f"ln({1 / confirm_conditions.FORGOTTEN:g})/sigma of the slowest mode below the band's end"
+    steady = setup.start == "steady"
+    accuracy = setup.accuracy
+    discard = f"ln({1 / confirm_setup.FORGOTTEN:g})/sigma of the slowest mode below the band's end"
     conditions = {
         "source": f"freqrail {versions['freqrail']}, simulation of the half vehicle against its frequency response",
         "result_content_digest": content_digest(run.dataset),
         "result_band": str(run.dataset.attrs["band"]),
         "band": band_text(run.band),
-        "seed": whole(plan.seed),
-        "realisations": whole(plan.realisations),
-        "duration_s": plan.period,
-        "integrator": "; ".join(f"{model}: {confirm_conditions.integrator_of(plan, model)}" for model in MODELS),
+        "seed": whole(setup.seed),
+        "realisations": whole(setup.realisations),
+        "duration_s": setup.period,
+        "integrator": "; ".join(f"{model}: {confirm_setup.integrator_of(setup, model)}" for model in MODELS),
         "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, smaller where a mode in the band is damped by less "
-        f"than {confirm_conditions.WELL_DAMPED:g}, atol the same share of a state's RMS, longest step 1/"
-        f"{confirm_conditions.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a sample of the "
-        "track; exponential: exact for the track's spline",
+        f"than {confirm_setup.WELL_DAMPED:g}, atol the same share of a state's RMS, longest step 1/"
+        f"{confirm_setup.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a sample of "
+        "the track; exponential: exact for the track's spline",
         "interpolation": "periodic cubic spline, harmonics in the band exact, images below "
-        f"{confirm_conditions.IMAGES:g} of an RMS",
-        "start": plan.start,
-        "ramp_s": 0.0 if steady else confirm_conditions.RAMP,
+        f"{confirm_setup.IMAGES:g} of an RMS",
+        "start": setup.start,
+        "ramp_s": 0.0 if steady else confirm_setup.RAMP,
         "discard_rule": "nothing: the start is the lines' own steady state" if steady else f"the ramp, then {discard}",
         "tighter_repeat": "record 0 of point 1, ten times tighter (exponential: track sampled twice as often)",
-        "tighter_repeat_change": evidence[0].tighter_change,
+        "tighter_repeat_change": simulations[0].tighter_change,
         "interval_confidence": statistics.CONFIDENCE,
         "verdict_confidence": statistics.FAMILY_CONFIDENCE,
         "verdict_rule": "simultaneous (Bonferroni) over all statistical checks of the run",
         "failures": "; ".join(
             f"{place}, {model} model: {fault}"
-            for place, e in zip(run.labels, evidence, strict=True)
+            for place, e in zip(run.labels, simulations, strict=True)
             for model, fault in e.failures.items()
         ),
         "versions": json.dumps(versions),

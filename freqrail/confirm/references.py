@@ -1,6 +1,6 @@
 """What the frequency domain says of a point to be confirmed: the kernel's numbers, and the same by other routes.
 
-The kernel is what a sweep computes with (`grid.solve`); the other routes are those of `crosschecks`.
+The kernel is what a sweep computes with (`solve.solve`); the other routes are those of `crosschecks`.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.confirm.conditions import Conditions, track_ranges
 from freqrail.confirm.crosschecks import covariance_rms, line_rms, state_response
+from freqrail.confirm.setup import Setup, track_ranges
 from freqrail.confirm.time_side import OperatingPoint, time_side, vehicles
 from freqrail.model.band import Band
 from freqrail.model.responses import series_count
@@ -29,7 +29,7 @@ class References:
     that changes, relative, if the record is twice as long. own: the kernel's RMS over the result's own band.
     covariance, covariance_rounding: RMS over the whole axis from the states' covariance, and the relative rounding in
     it; NaN unless that is the result's own band. psd: [model, series, n] at the result's frequencies, from the state
-    space. track_deviation: [range] of `timedomain.track_ranges`, m, in closed form. wheel_load: P0, N.
+    space. track_deviation: [range] of `setup.track_ranges`, m, in closed form. wheel_load: P0, N.
     """
 
     kernel: NDArray[np.float64]
@@ -43,26 +43,26 @@ class References:
     wheel_load: float
 
 
-def references(point: OperatingPoint, plan: Conditions, own: Band | None, frequency: NDArray[np.float64]) -> References:
+def references(point: OperatingPoint, setup: Setup, own: Band | None, frequency: NDArray[np.float64]) -> References:
     """The numbers to hold a point against. own: the result's band, None for the whole axis. frequency: [n], Hz."""
     models = list(vehicles(point).values())
-    confirmed = Band("frequency", *plan.limits)
+    confirmed = Band("frequency", *setup.limits)
 
     def lines(period: float) -> NDArray[np.float64]:
-        return np.array([line_rms(v, plan.names, point.spectrum, point.speed, plan.limits, period) for v in models])
+        return np.array([line_rms(v, setup.names, point.spectrum, point.speed, setup.limits, period) for v in models])
 
-    kernel = np.array([kernel_rms(vehicle, point, plan.names, confirmed) for vehicle in models])
-    once, twice = lines(plan.period), lines(2 * plan.period)
-    covariance, rounding = _covariances(point, plan) if own is None else (np.full_like(kernel, np.nan),) * 2
+    kernel = np.array([kernel_rms(vehicle, point, setup.names, confirmed) for vehicle in models])
+    once, twice = lines(setup.period), lines(2 * setup.period)
+    covariance, rounding = _covariances(point, setup) if own is None else (np.full_like(kernel, np.nan),) * 2
     return References(
         kernel=kernel,
         line_spectrum=once,
         line_change=np.abs(once / twice - 1),
-        own=kernel if own == confirmed else np.array([kernel_rms(v, point, plan.names, own) for v in models]),
+        own=kernel if own == confirmed else np.array([kernel_rms(v, point, setup.names, own) for v in models]),
         covariance=covariance,
         covariance_rounding=rounding,
-        psd=_spectra(point, plan, frequency),
-        track_deviation=_track_deviations(point, plan),
+        psd=_spectra(point, setup, frequency),
+        track_deviation=_track_deviations(point, setup),
         wheel_load=static_wheel_load(models[0].car_body_mass, models[0].bogie_mass, models[0].wheelset_mass),
     )
 
@@ -75,10 +75,10 @@ def kernel_rms(
     return np.concatenate([rms[name][:, 0] for name in names])
 
 
-def _covariances(point: OperatingPoint, plan: Conditions) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _covariances(point: OperatingPoint, setup: Setup) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if not isinstance(point.spectrum, RationalSpectrum):
-        return (np.full((len(vehicles(point)), series_count(plan.names)), np.nan),) * 2
-    side = time_side(point, plan.names)
+        return (np.full((len(vehicles(point)), series_count(setup.names)), np.nan),) * 2
+    side = time_side(point, setup.names)
     found = [
         covariance_rms(model, side.readout[name], side.feedthrough[name], side.lags, point.spectrum, point.speed)
         for name, model in side.models.items()
@@ -86,8 +86,8 @@ def _covariances(point: OperatingPoint, plan: Conditions) -> tuple[NDArray[np.fl
     return np.array([rms for rms, _ in found]), np.array([rounding for _, rounding in found])
 
 
-def _spectra(point: OperatingPoint, plan: Conditions, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    side = time_side(point, plan.names)
+def _spectra(point: OperatingPoint, setup: Setup, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    side = time_side(point, setup.names)
     density = frequency_psd(point.spectrum, frequency, point.speed)
     transfer = [
         state_response(model, side.readout[name], side.feedthrough[name], side.lags, frequency)
@@ -96,12 +96,12 @@ def _spectra(point: OperatingPoint, plan: Conditions, frequency: NDArray[np.floa
     return np.square(np.abs(np.array(transfer))) * density
 
 
-def _track_deviations(point: OperatingPoint, plan: Conditions) -> NDArray[np.float64]:
+def _track_deviations(point: OperatingPoint, setup: Setup) -> NDArray[np.float64]:
     if not isinstance(point.spectrum, RationalSpectrum):
         return np.full(2, np.nan)
     return np.array(
         [
             standard_deviation(point.spectrum, (point.speed / high, point.speed / low))
-            for low, high in track_ranges(point, plan)
+            for low, high in track_ranges(point, setup)
         ]
     )

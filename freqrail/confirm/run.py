@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from freqrail.case.case import Case
 from freqrail.case.parameters import PARAMETERS, Parameter, suggestion
 from freqrail.case.quantities import parse_pair, parse_quantity
-from freqrail.confirm import conditions, simulation, time_side
-from freqrail.confirm.conditions import Conditions
+from freqrail.confirm import setup as confirm_setup
+from freqrail.confirm import simulation, time_side
 from freqrail.confirm.integrators import INTEGRATORS
+from freqrail.confirm.setup import Setup
 from freqrail.confirm.track_record import LARGEST_SEED
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model import responses
@@ -54,7 +55,7 @@ class Run:
     places: tuple[Place, ...]
     labels: tuple[str, ...]
     points: tuple[time_side.OperatingPoint, ...]
-    plans: tuple[Conditions, ...]
+    setups: tuple[Setup, ...]
 
     @property
     def frequency(self) -> NDArray[np.float64]:
@@ -65,8 +66,8 @@ class Run:
     def simulated_seconds(self) -> float:
         """Seconds to be simulated in all, which `progress` is told of."""
         return sum(
-            conditions.simulated_seconds(point, plan, tighter=not place)
-            for place, (point, plan) in enumerate(zip(self.points, self.plans, strict=True))
+            confirm_setup.simulated_seconds(point, setup, tighter=not place)
+            for place, (point, setup) in enumerate(zip(self.points, self.setups, strict=True))
         )
 
     @property
@@ -74,21 +75,21 @@ class Run:
         """Size of the confirmation in bytes, about."""
         series = responses.series_count(self.names)
         each = 0.0
-        for point, plan in zip(self.points, self.plans, strict=True):
-            side = time_side.time_side(point, plan.names)
-            kept = conditions.HISTORY * conditions.sampling_rate(point, plan, side) / conditions.KEPT_EVERY
-            numbers = 30 + 2 * plan.realisations + 2 * conditions.PSD_LINES
+        for point, setup in zip(self.points, self.setups, strict=True):
+            side = time_side.time_side(point, setup.names)
+            kept = confirm_setup.HISTORY * confirm_setup.sampling_rate(point, setup, side) / confirm_setup.KEPT_EVERY
+            numbers = 30 + 2 * setup.realisations + 2 * confirm_setup.PSD_LINES
             each = max(each, 2 * series * (8 * numbers + 4 * kept) + 24 * kept)
         return int(len(self.points) * each) + 2 * len(self.case.text) + 200_000
 
     def seconds(self, jobs: int = 1, integrator: str | None = None) -> float:
         """Estimated wall time in s on `jobs` processes, from trial runs of every point's first moments."""
         each = []
-        for place, (point, plan) in enumerate(zip(self.points, self.plans, strict=True)):
-            plan = replace(plan, integrator=integrator or plan.integrator)
-            once = simulation.seconds(point, plan)
+        for place, (point, setup) in enumerate(zip(self.points, self.setups, strict=True)):
+            setup = replace(setup, integrator=integrator or setup.integrator)
+            once = simulation.seconds(point, setup)
             if not place:
-                once += simulation.seconds(point, replace(plan.tighter(), realisations=0))
+                once += simulation.seconds(point, replace(setup.tighter(), realisations=0))
             each.append(once)
         return max(max(each), sum(each) / jobs)
 
@@ -103,7 +104,7 @@ def prepare_run(
     start: str = "rest",
     band: str | None = None,
 ) -> Run:
-    """The checked plan of `confirm`, whose arguments these are. Raises InputError."""
+    """The checked setup of `confirm`, whose arguments these are. Raises InputError."""
     dataset = result if isinstance(result, xr.Dataset) else read_result(result)
     if "status" not in dataset:
         raise InputError("confirm: this dataset is no result of `freqrail sweep` (it has no variable status)")
@@ -117,15 +118,15 @@ def prepare_run(
     places = _places(dataset, case, at)
     labels = tuple(_label_of(place) for place in places)
     points = tuple(_point(place) for place in places)
-    plans = []
+    setups = []
     for label, point in zip(labels, points, strict=True):
-        plan = Conditions(_limits(chosen, point.speed), period, realisations, integrator, start, seed, names=names)
+        setup = Setup(_limits(chosen, point.speed), period, realisations, integrator, start, seed, names=names)
         try:
-            conditions.check_plan(point, plan)
+            confirm_setup.check_setup(point, setup)
         except InputError as fault:
             raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
-        plans.append(plan)
-    return Run(case, dataset, names, chosen, tuple(places), labels, points, tuple(plans))
+        setups.append(setup)
+    return Run(case, dataset, names, chosen, tuple(places), labels, points, tuple(setups))
 
 
 def _limits(band: Band, speed: float) -> tuple[float, float]:
@@ -143,7 +144,7 @@ def check_cost(run: Run, max_time: str = "10 min", jobs: int = 1) -> float:
         raise InputError(*problems)
     needed = run.seconds(jobs)
     if needed > limit:
-        integrator = run.plans[0].integrator
+        integrator = run.setups[0].integrator
         way_out = "give a smaller --duration or fewer --realisations"
         if integrator != "exponential":
             faster = run.seconds(jobs, "exponential")

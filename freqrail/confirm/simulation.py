@@ -3,7 +3,7 @@
 One period of the simulated response is held against the line spectrum of the same record, where only the integrator's
 error is left, and Gaussian records against the RMS over the continuous spectrum (`freqrail.result.verdicts`).
 
-The frequency side (`crosschecks.transfer_power`) and the time side (`vehicle.state_space`) share what both are told,
+The frequency side (`crosschecks.transfer_power`) and the time side (`equations.state_space`) share what both are told,
 the vehicle's numbers, the lags of eq. (2) and S_v of eq. (11), and nothing else; a fault put into a `Simulated` is on
 the time side only.
 """
@@ -19,23 +19,23 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.linalg import block_diag
 
-from freqrail.confirm.conditions import (
+from freqrail.confirm.crosschecks import state_response
+from freqrail.confirm.integrators import Accuracy, integrate, solver_of, stack
+from freqrail.confirm.setup import (
     BATCH,
     HISTORY,
     KEPT_EVERY,
     MODELS,
     PSD_LINES,
     RAMP,
-    Conditions,
+    Setup,
     accuracy,
-    check_plan,
+    check_setup,
     groups,
     sampling_rate,
     startup,
     track_ranges,
 )
-from freqrail.confirm.crosschecks import state_response
-from freqrail.confirm.integrators import Accuracy, integrate, solver_of, stack
 from freqrail.confirm.statistics import degrees_of_freedom
 from freqrail.confirm.time_side import OperatingPoint, TimeSide, line_power, time_side
 from freqrail.confirm.track_record import (
@@ -62,7 +62,7 @@ TRIAL_PERIOD = 5.0  # s, of the track that a trial runs on
 
 @dataclass(frozen=True)
 class Simulation:
-    """What was found at a point. Numbers in SI units, NaN where a run failed; series in the order of the plan's names.
+    """What was found at a point. Numbers in SI units, NaN where a run failed; series in the order of the setup's names.
 
     line_spectrum, simulated: RMS of every record, [model, series, record], the record of fixed amplitudes first.
     pooled: RMS of all Gaussian records together, [model, series]; degrees: its degrees of freedom.
@@ -102,50 +102,50 @@ class Simulation:
 # --- before the run --------------------------------------------------------------------------------
 
 
-def seconds(point: OperatingPoint, plan: Conditions) -> float:
+def seconds(point: OperatingPoint, setup: Setup) -> float:
     """Estimated wall time of `examine`, s, from running the first moments of it in the steady state."""
-    trial = replace(plan, start="steady", period=min(plan.period, TRIAL_PERIOD))
-    side, told = time_side(point, plan.names), accuracy(point, plan)
+    trial = replace(setup, start="steady", period=min(setup.period, TRIAL_PERIOD))
+    side, accurate = time_side(point, setup.names), accuracy(point, setup)
     prepared = _prepare(point, trial, side, amplitudes(point, trial)[:BATCH])
-    simulated = startup(point, plan) + plan.period
+    simulated = startup(point, setup) + setup.period
     total = 0.0
-    for integrator, names in groups(plan):
+    for integrator, names in groups(setup):
         model, start, size = _stacked(prepared, names)
         options = (integrator, model, prepared.track, start, size)
         begin = time.perf_counter()
         if integrator in ("rk45", "radau"):
-            solver = solver_of(*options, told)
+            solver = solver_of(*options, accurate)
             done = spent = 0.0
             while solver.status == "running" and spent < (TRIAL if done > TRIAL_LEAST else SLOW_TRIAL):
                 solver.step()
                 done, spent = solver.t, time.perf_counter() - begin
         else:
-            blocks = integrate(*options, prepared.stride, told)
+            blocks = integrate(*options, prepared.stride, accurate)
             block = next(blocks)
             spent, begin = time.perf_counter() - begin, time.perf_counter()
             if (second := next(blocks, None)) is not None:  # the first holds what is done once
                 block, spent = second, time.perf_counter() - begin
             done = len(block) * prepared.stride * prepared.track.step
         total += spent / max(done, 1e-12) * simulated
-    return total * -(-(plan.realisations + 1) // BATCH)
+    return total * -(-(setup.realisations + 1) // BATCH)
 
 
 # --- the run ---------------------------------------------------------------------------------------
 
 
-def amplitudes(point: OperatingPoint, plan: Conditions) -> NDArray[np.complex128]:
+def amplitudes(point: OperatingPoint, setup: Setup) -> NDArray[np.complex128]:
     """Complex amplitudes of the lines, [1 + realisations, K], m: fixed moduli first, then the Gaussian records."""
-    lines = spectral_lines(point.spectrum, point.speed, plan.limits, plan.period)
-    fixed = fixed_amplitudes(lines, stream(plan.seed, point.key, "fixed amplitudes", 0))
-    records = range(1, plan.realisations + 1)
+    lines = spectral_lines(point.spectrum, point.speed, setup.limits, setup.period)
+    fixed = fixed_amplitudes(lines, stream(setup.seed, point.key, "fixed amplitudes", 0))
+    records = range(1, setup.realisations + 1)
     return np.array(
-        [fixed, *(gaussian_amplitudes(lines, stream(plan.seed, point.key, "gaussian", r)) for r in records)]
+        [fixed, *(gaussian_amplitudes(lines, stream(setup.seed, point.key, "gaussian", r)) for r in records)]
     )
 
 
 def examine(
     point: OperatingPoint,
-    plan: Conditions,
+    setup: Setup,
     side: TimeSide | None = None,
     tighter: bool = False,
     progress: SecondsProgress = lambda seconds: None,
@@ -156,25 +156,25 @@ def examine(
     progress: called with the simulated seconds just done, of `simulated_seconds` in all. A run that fails leaves NaN
     and its reason in `failures`. Raises InputError as `check_plan` does.
     """
-    check_plan(point, plan)
-    side = side or time_side(point, plan.names)
-    lines = spectral_lines(point.spectrum, point.speed, plan.limits, plan.period)
-    records = amplitudes(point, plan)
-    power = line_power(point, plan.names, lines.frequency)
-    squares = np.full((len(MODELS), series_count(plan.names), len(records)), np.nan)
+    check_setup(point, setup)
+    side = side or time_side(point, setup.names)
+    lines = spectral_lines(point.spectrum, point.speed, setup.limits, setup.period)
+    records = amplitudes(point, setup)
+    power = line_power(point, setup.names, lines.frequency)
+    squares = np.full((len(MODELS), series_count(setup.names), len(records)), np.nan)
     failures: dict[str, str] = {}
     first = None
     for begin in range(0, len(records), BATCH):
         batch = slice(begin, begin + BATCH)
-        prepared = _prepare(point, plan, side, records[batch])
-        squares[..., batch], responses, faults = run_records(plan, prepared, progress)
+        prepared = _prepare(point, setup, side, records[batch])
+        squares[..., batch], responses, faults = run_records(setup, prepared, progress)
         failures |= faults
         first = first or (prepared, responses)
     assert first is not None
     prepared, responses = first
     change = math.nan
     if tighter:
-        finer = plan.tighter()
+        finer = setup.tighter()
         again, _, faults = run_records(finer, _prepare(point, finer, side, records[:1]), progress)
         failures |= {model: f"ten times tighter: {fault}" for model, fault in faults.items()}
         change = float(np.max(np.abs(np.sqrt(again[..., 0] / squares[..., 0]) - 1)))
@@ -187,14 +187,14 @@ def examine(
         line_spectrum=np.sqrt(mean_square(power, records)),
         simulated=np.sqrt(squares),
         pooled=np.sqrt(np.mean(squares[..., 1:], axis=-1)),
-        degrees=degrees_of_freedom(power, lines, plan.realisations),
+        degrees=degrees_of_freedom(power, lines, setup.realisations),
         frequency=lines.frequency[chosen],
         psd=mean[..., chosen] / lines.width[chosen],
         psd_simulated=np.square(np.abs(transform)) / 2 / lines.width[chosen],
         time=spacing * np.arange(shown),
         heights=_kept_heights(prepared, 0, shown)[..., 0].T,
         histories=responses[..., :shown],
-        track_deviation=track_deviation(lines, prepared.track, track_ranges(point, plan)),
+        track_deviation=track_deviation(lines, prepared.track, track_ranges(point, setup)),
         lags=track_lags(lines, prepared.track),
         startup=prepared.track.startup,
         tighter_change=change,
@@ -214,24 +214,24 @@ class Prepared:
     size: dict[str, NDArray[np.float64]]
 
 
-def _prepare(point: OperatingPoint, plan: Conditions, side: TimeSide, records: NDArray[np.complex128]) -> Prepared:
-    lines = spectral_lines(point.spectrum, point.speed, plan.limits, plan.period)
-    samples = _samples(point, side, plan)
-    before = math.ceil(startup(point, plan) * samples / plan.period)
-    ramp = 0.0 if plan.start == "steady" else RAMP
-    track = sampled_track(lines, records, side.lags, samples, before, ramp, plan.interpolation)
+def _prepare(point: OperatingPoint, setup: Setup, side: TimeSide, records: NDArray[np.complex128]) -> Prepared:
+    lines = spectral_lines(point.spectrum, point.speed, setup.limits, setup.period)
+    samples = _samples(point, side, setup)
+    before = math.ceil(startup(point, setup) * samples / setup.period)
+    ramp = 0.0 if setup.start == "steady" else RAMP
+    track = sampled_track(lines, records, side.lags, samples, before, ramp, setup.interpolation)
     start, size = {}, {}
     for name, model in side.models.items():
         every, none = np.eye(len(model.a)), np.zeros(model.b.shape)
         steady = state_response(model, every, none, side.lags, lines.frequency)
         size[name] = np.sqrt(np.square(np.abs(steady)) @ np.square(lines.amplitude) / 2)
-        start[name] = (steady @ records.T).real * (plan.start == "steady")
-    return Prepared(track, KEPT_EVERY, accuracy(point, plan), side, start, size)
+        start[name] = (steady @ records.T).real * (setup.start == "steady")
+    return Prepared(track, KEPT_EVERY, accuracy(point, setup), side, start, size)
 
 
-def _samples(point: OperatingPoint, side: TimeSide, plan: Conditions) -> int:
+def _samples(point: OperatingPoint, side: TimeSide, setup: Setup) -> int:
     """Samples of the track in a period."""
-    samples = next_fast_len(math.ceil(sampling_rate(point, plan, side) * plan.period))
+    samples = next_fast_len(math.ceil(sampling_rate(point, setup, side) * setup.period))
     while samples % KEPT_EVERY:
         samples = next_fast_len(samples + 1)
     return samples
@@ -243,9 +243,7 @@ def _stacked(prepared: Prepared, names: tuple[str, ...]) -> tuple[StateSpace, ND
     return model, start, np.concatenate([prepared.size[name] for name in names])
 
 
-def run_records(
-    plan: Conditions, prepared: Prepared, progress: SecondsProgress
-) -> tuple[NDArray, NDArray, dict[str, str]]:
+def run_records(setup: Setup, prepared: Prepared, progress: SecondsProgress) -> tuple[NDArray, NDArray, dict[str, str]]:
     """Mean squares [model, series, record], all responses of the first record [model, series, m], and failures."""
     kept = prepared.track.samples // prepared.stride
     records = prepared.track.coefficients.shape[2]
@@ -253,7 +251,7 @@ def run_records(
     squares = np.full((len(MODELS), count, records), np.nan)
     responses = np.full((len(MODELS), count, kept), np.nan)
     failures: dict[str, str] = {}
-    waiting = groups(plan)
+    waiting = groups(setup)
     while waiting:
         integrator, names = waiting.pop(0)
         model, start, size = _stacked(prepared, names)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.confirm.conditions import SAMPLES_A_PERIOD, Conditions
 from freqrail.confirm.integrators import Accuracy
+from freqrail.confirm.setup import SAMPLES_A_PERIOD, Setup
 from freqrail.confirm.simulation import Prepared, run_records
 from freqrail.confirm.time_side import OperatingPoint, TimeSide, line_power, time_side
 from freqrail.confirm.track_record import fixed_amplitudes, mean_square, refined, sampled_track, spectral_lines, stream
@@ -47,7 +47,7 @@ def plain_run(
     start = {name: np.zeros((len(model.a), 1)) for name, model in side.models.items()}
     size = {name: np.ones(len(model.a)) for name, model in side.models.items()}
     _, responses, _ = run_records(
-        Conditions(limits, integrator=integrator), Prepared(track, 1, accuracy, side, start, size), lambda seconds: None
+        Setup(limits, integrator=integrator), Prepared(track, 1, accuracy, side, start, size), lambda seconds: None
     )
     power = line_power(point, PAPER, lines.frequency)
     return track.step * np.arange(track.samples), responses, np.sqrt(mean_square(power, record))[..., 0]

@@ -43,7 +43,7 @@ def plot(
 
     Figures are `rms-against-speed`, or one `rms-against-speed-AXIS` a further axis; `rms-against-AXIS`
     and `map-speed-AXIS` for each of these; and `psd` where spectra are stored (see `hint`). An axis of one
-    value gets none. Of a confirmation they are those of `confirmation_figures`. The folder keeps a list of its files
+    value gets none. Of a confirmation they are those of `figures.confirmations`. The folder keeps a list of its files
     (see `manifest`): figures of an earlier run are replaced, anything else in it is refused. SVG and PDF are the same
     bytes from run to run.
 

@@ -336,7 +336,7 @@ class Parallel(_Compound):
         if not self.rational:
             return None
         found = [part.realisation(values) for part in self.parts]
-        return functools.reduce(Realisation.beside, [r for r in found if r is not None])
+        return functools.reduce(Realisation.parallel, [r for r in found if r is not None])
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ class Realisation:
     b: Number
     branches: tuple[tuple[Number, Number], ...] = ()
 
-    def beside(self, other: Realisation) -> Realisation:
+    def parallel(self, other: Realisation) -> Realisation:
         """Both in parallel."""
         return Realisation(self.k + other.k, self.c + other.c, self.b + other.b, self.branches + other.branches)
 

@@ -47,7 +47,7 @@ class Response:
     dimension: along which it is resolved, "" for a single value. paper: whether it is one of the four that the paper
     reports.
 
-    Read off the vehicle's chains (`vehicle.ladder`): element, "car", "bogie", "wheelset" (displacements), "secondary"
+    Read off the vehicle's chains (`chains.ladder`): element, "car", "bogie", "wheelset" (displacements), "secondary"
     or "primary" (elongations); derivative: 2 for an acceleration, 0 for a stroke; chains: those that take part;
     signs: (sigma, rho) a label of the dimension, with sigma = +1 in front, 0 at the centre and -1 at the rear, rho = +1
     at the leading and -1 at the trailing axle of a bogie; arm: the length (a field of `Vehicle`) that turns the

@@ -1,7 +1,7 @@
 """The paper's claims: every directional statement of its sections V, VI and VII, and what decides it.
 
 A claim carries the paper's own sentence, is read in words of our own, names the dataset that it is about ("grid": RMS
-over both joints and speed, see `dataset.sweep`; "track": heights under the wheels; "spectra": PSDs at one point) and
+over both joints and speed, see `sweep.sweep`; "track": heights under the wheels; "spectra": PSDs at one point) and
 has a function over it. No verdict is written here; `judging` says what each test asks, `thresholds` from which share
 of points on a claim holds.
 """

@@ -69,7 +69,7 @@ def growth_rate(vehicle: Vehicle, signs: Signs = AS_PRINTED) -> float:
 def printed_rms(
     vehicle: Vehicle, spectrum: Spectrum, speed: NDArray[np.float64], band: Band, signs: Signs = AS_PRINTED
 ) -> NDArray[np.float64]:
-    """RMS of the eleven series (`timedomain.readout`) by the printed equations: [series, speeds], SI units.
+    """RMS of the eleven series (`time_side.readout`) by the printed equations: [series, speeds], SI units.
 
     speed: [m] in m/s. band: limits of every speed. NaN where the equations are unstable.
     """

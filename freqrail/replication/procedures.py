@@ -71,7 +71,7 @@ def run(
     seed: int = 0,
     progress: SecondsProgress = lambda seconds: None,
 ) -> NDArray[np.float64]:
-    """RMS over whole runs from rest: [vehicles, series, speeds, records], SI units, series as `timedomain.readout`.
+    """RMS over whole runs from rest: [vehicles, series, speeds, records], SI units, series as `time_side.readout`.
 
     vehicles: with finite joints or, in both stages, rigid ones; all of one geometry. speeds in m/s, limits of the band
     in Hz. The phases of the tracks do not depend on the speed. NaN where an integration fails. progress: called with

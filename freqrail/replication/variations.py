@@ -137,7 +137,7 @@ def _change(varied: xr.Dataset, exact: xr.Dataset) -> str:
 def relabelled(exact: xr.Dataset, joint: NDArray[np.float64], rigid: NDArray[np.float64]) -> xr.Dataset:
     """The exact grid with RMS values of another origin: [primary, secondary, series, speed] and [series, speed].
 
-    Response in the order of `timedomain.readout`; speeds as in `exact`, which may be a selection.
+    Response in the order of `time_side.readout`; speeds as in `exact`, which may be a selection.
     """
     variables: dict[str, Any] = {}
     first = 0

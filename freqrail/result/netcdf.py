@@ -233,7 +233,7 @@ def open_result(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a result of freqrail into memory, after checking that it is whole.
 
     Raises InputError for a missing or foreign file, a newer schema, a content that does not match
-    the digest stored in it, or one that is no result (see `schema`).
+    the digest stored in it, or one that is no result (see `check`).
     """
     with opened(path) as lazy:
         return lazy.load()

@@ -62,7 +62,7 @@ def result_case(dataset: xr.Dataset) -> Case:
 
 
 def read_result(path: str | os.PathLike[str]) -> xr.Dataset:
-    """A result from its file (see `storage.open_result`), held against the case that it bears.
+    """A result from its file (see `netcdf.open_result`), held against the case that it bears.
 
     Raises InputError besides if its effective_case is no case, or its axes are not those of the case.
     """

@@ -23,7 +23,7 @@ BYTES, BYTES_PER_BYTE = 2 * 10**9, 4  # address space: the libraries take a quar
 
 
 def check_result(path: str | os.PathLike[str], seconds: float | None = None) -> dict[str, Any]:
-    """{"digest": ..., "failures": [...]} of a result that is whole; `failures` as `dataset.first_failures`.
+    """{"digest": ..., "failures": [...]} of a result that is whole; `failures` as `axes.first_failures`.
 
     seconds: how long reading may take, by its size unless given. Raises InputError with the reason for
     anything else: also for a file that crashes the library, or does not let it end.

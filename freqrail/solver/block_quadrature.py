@@ -2,7 +2,7 @@
 
 sigma^2 = integral of |T|^2 G d omega, with |T|^2 a sum of columns (`reduction.columns`): the powers of a vehicle serve
 every speed, and the speed axis is a matrix product over the nodes. Panels, the rule and its error estimate are those of
-`rms`; the nodes follow the poles of the vehicles and the longest lag.
+`solver.quadrature`; the nodes follow the poles of the vehicles and the longest lag.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def mean_squares(
     reduction: Reduction,
     values: Values,
     nodes: Iterable[WeightedNodes],
-    lost: Mapping[str, Array] | Array | float = ROUNDING,
+    rounding_errors: Mapping[str, Array] | Array | float = ROUNDING,
 ) -> dict[str, MeanSquare]:
     """Mean squares of every output of a reduction for a grid of vehicles.
 
-    values: by parameter, broadcasting to [grid...]; the wheels stand in one geometry, that of the nodes. lost: relative
-    errors that rounding leaves, for all outputs or by name, see `nodes.lost`. Returns {output: MeanSquare},
+    values: by parameter, broadcasting to [grid...]; the wheels stand in one geometry, that of the nodes.
+    rounding_errors: relative, what rounding leaves, for all outputs or by name, see `panels.rounding_errors`. Returns {output: MeanSquare},
     [labels, grid..., speeds].
 
     The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
@@ -77,7 +77,7 @@ def mean_squares(
                 if weight:
                     value[label] += weight * total
                     difference[label] += abs(weight) * apart
-        own = lost[output.name] if isinstance(lost, Mapping) else lost
+        own = rounding_errors[output.name] if isinstance(rounding_errors, Mapping) else rounding_errors
         with np.errstate(invalid="ignore", divide="ignore"):
             steep = CAUTION * (difference / np.abs(value))
         result[output.name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + own))

@@ -1,7 +1,7 @@
 """The dynamic force between wheel and rail: K_H times the contact spring's compression, as RMS over a band.
 
-In a chain of `vehicle.ladder` the force below the wheelset is the sum of the inertia forces above it, as in
-`response.descend`: no difference of nearly equal heights is taken. A wheel of the linear model pulls as well as it
+In a chain of `chains.ladder` the force below the wheelset is the sum of the inertia forces above it, as in
+`chains.descend`: no difference of nearly equal heights is taken. A wheel of the linear model pulls as well as it
 pushes; where three RMS exceed the static load, a real one leaves the rail now and then.
 """
 
@@ -19,7 +19,7 @@ from freqrail.solver import quadrature
 from freqrail.solver.panels import own_edges
 from freqrail.solver.problem import Problem
 
-REACH = 3.0  # of the highest resonance, where a band without an end is cut: hardly any track height is left beyond
+BAND_END = 3.0  # of the highest resonance, where a band without an end is cut: hardly any track height is left beyond
 FASTEST_POLE = 1e15  # rad/s, beyond which no vehicle has one and panels find no end
 MOST_NODES = 50_000  # of a trial that is to take milliseconds: a train so slow that it needs more loses no contact
 
@@ -53,7 +53,7 @@ def contact_force_rms(vehicle: Vehicle, spectrum: Spectrum, speed: float, band: 
     if undamped or not np.all(np.abs(resonances) < FASTEST_POLE):
         return np.full(4, np.nan)
     highest = float(np.abs(resonances.imag).max()) / (2 * np.pi)
-    band = band or Band("frequency", 1e-6 * highest, REACH * highest)
+    band = band or Band("frequency", 1e-6 * highest, BAND_END * highest)
     study = Problem(vehicle, np.array([speed]), spectrum, band, ("wheelset_acceleration",))
     lag = 2 * (vehicle.half_bogie_spacing + vehicle.half_wheelbase) / speed
     if not quadrature.fewest_nodes(study.limits[:, 0], lag) < MOST_NODES:

@@ -2,7 +2,7 @@
 
 A half vehicle with equal legs moves in four families that do not exchange energy: car and bogies
 bouncing together, car pitching with the bogies bouncing opposed, and the two bogies pitching in phase
-or in antiphase. Each family is a chain of `vehicle.ladder` with a small eigenproblem of its own, so that
+or in antiphase. Each family is a chain of `chains.ladder` with a small eigenproblem of its own, so that
 the modes come out named, and repeated frequencies do not mix their shapes.
 """
 

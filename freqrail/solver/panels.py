@@ -25,7 +25,7 @@ SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the la
 SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
 SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
 SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
-WHOLE_AXIS_REACH = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
+WHOLE_AXIS_END = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
 GROUP_NODES, GROUP_SPEEDS = 2000, 500  # up to so many nodes, speeds of any range are taken together, and so many
 LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may take: about a second
 OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by this
@@ -35,13 +35,13 @@ OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by 
 class SharedPanels:
     """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own.
 
-    speeds: [m], which of the grid's speeds they are for. lost: `rms.rounding` of each response, {name: [m]}. They
-    depend on the whole grid: a part of it takes those of the whole, and so gets the same bits.
+    speeds: [m], which of the grid's speeds they are for. rounding_errors: `quadrature.rounding` of each response,
+    {name: [m]}. They depend on the whole grid: a part of it takes those of the whole, and so gets the same bits.
     """
 
     speeds: NDArray[np.intp]
     edges: NDArray[np.float64] | None
-    lost: Mapping[str, NDArray[np.float64]]
+    rounding_errors: Mapping[str, NDArray[np.float64]]
 
 
 def in_closed_form(study: Problem) -> bool:
@@ -74,13 +74,13 @@ def every_pole(found: Mapping[str, Resonances]) -> NDArray[np.complex128]:
     return np.concatenate([each.poles for each in found.values()])
 
 
-def lost(study: Problem, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.float64]]:
+def rounding_errors(study: Problem, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.float64]]:
     """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it.
 
     inf where a resonance inside the band may have been missed. The lags' phases are known to the rounding of the
     highest frequency times the longest lag.
     """
-    highest = WHOLE_AXIS_REACH * np.max(np.abs(every_pole(found).imag), initial=1.0)
+    highest = WHOLE_AXIS_END * np.max(np.abs(every_pole(found).imag), initial=1.0)
     phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * _longest_lags(study)
     result = {}
     for name in study.names:
@@ -108,7 +108,7 @@ def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[str, Resona
     if np.any(inside & ~np.concatenate([each.known for each in found.values()])):
         return SharedPanels(speeds, None, {})
     outside_too = {chain: replace(each, known=np.full(each.poles.shape, True)) for chain, each in found.items()}
-    rounding = lost(study, outside_too)
+    rounding = rounding_errors(study, outside_too)
     most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
     if quadrature.fewest_nodes(first, lag) > most:
         return SharedPanels(speeds, None, rounding)
@@ -155,7 +155,7 @@ def own_edges(study: Problem, vehicle: Vehicle, resonances: NDArray[np.complex12
 def first_edges(study: Problem, resonances: NDArray[np.complex128]) -> NDArray[np.float64]:
     """The edges a panel must not straddle: every speed's own band, or 0 and the end of the nodes, and all kinks."""
     limits = study.limits
-    ends = np.where(np.isinf(limits), WHOLE_AXIS_REACH * np.max(np.abs(resonances.imag), initial=1.0), limits)
+    ends = np.where(np.isinf(limits), WHOLE_AXIS_END * np.max(np.abs(resonances.imag), initial=1.0), limits)
     points = kinks(study.spectrum, study.speed)
     return np.unique(np.concatenate([ends.ravel(), points[(points > limits[0]) & (points < limits[1])]]))
 

@@ -25,7 +25,7 @@ LIGHT = 0.05  # damping ratio below which a pole's real part is computed from th
 FOUND = 1e-9  # relative distance from a pole below which Newton's method has found it
 POLISHING = 12  # steps of Newton's method for those that it has not
 UNCERTAIN = 1e-8  # relative error above which another way to a wheelset's displacement at a pole is looked for
-LOST_BELOW = 1e-9  # of the largest eigenvalue: real parts smaller than this are not taken from eigenvalues
+ROUNDED_BELOW = 1e-9  # of the largest eigenvalue: real parts smaller than this are not taken from eigenvalues
 SURE, SAME = 0.1, 1e-6  # relative error of a real part, and of a product of poles, up to which they count as known
 EPSILON = np.finfo(float).eps
 
@@ -101,14 +101,14 @@ def expand(vehicle: Vehicle, chain: str) -> Expansion:
     near = (np.abs(poles) < FAR) | (np.abs(poles.imag) > LIGHT * np.abs(poles))
     p = np.where(near, poles, -1.0)
     for _ in range(3):
-        value, beside = (descend(column, chain, z, z * z)[0] for z in (p, p * (1 + DIFFERENCE)))
+        value, nearby = (descend(column, chain, z, z * z)[0] for z in (p, p * (1 + DIFFERENCE)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = DIFFERENCE * p * value / (beside - value)
+            step = DIFFERENCE * p * value / (nearby - value)
         p = np.where(near & ~_beyond(column, p) & (np.abs(step) < 0.1 * np.abs(p)), p - step, p)
     found = _at_pole(column, chain, p)
-    lost = near & ~(found.off < FOUND)
-    if np.any(lost):
-        p = np.where(lost, _polished(column, chain, p), p)
+    unfound = near & ~(found.off < FOUND)
+    if np.any(unfound):
+        p = np.where(unfound, _polished(column, chain, p), p)
         found = _at_pole(column, chain, p)
     light = near & (np.abs(p.real) < LIGHT * np.abs(p))
     p = np.where(light, found.real_part + 1j * p.imag, p)
@@ -135,20 +135,20 @@ def _polished(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> NDArra
         return value
 
     for _ in range(POLISHING):
-        value, beside = smooth(p), smooth(p * (1 + DIFFERENCE))
+        value, nearby = smooth(p), smooth(p * (1 + DIFFERENCE))
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = DIFFERENCE * p * value / (beside - value)
+            step = DIFFERENCE * p * value / (nearby - value)
         p = np.where(np.abs(step) < 0.5 * np.abs(p), p - step, p)
     return p
 
 
 @dataclass(frozen=True)
 class _AtPole:
-    """A chain in free oscillation at one of its poles, see `modal`, and what rounding leaves of it.
+    """A chain in free oscillation at one of its poles, see `expand`, and what rounding leaves of it.
 
     slope: V'(p). ratios: of each element. real_part: of p, by dissipation. errors: possible relative errors of the
     ratios, slope_error and real_part_error of the others, if p is exact to rounding; off: by how much it is not,
-    relative to it. on_the_way: errors of the ratios as the way down alone gives them; shift: how far, relatively, its
+    relative to it. descent_errors: of the ratios as the way down alone gives them; shift: how far, relatively, its
     rounding moves the pole.
     """
 
@@ -159,7 +159,7 @@ class _AtPole:
     slope_error: NDArray[np.float64]
     real_part_error: NDArray[np.float64]
     off: NDArray[np.float64]
-    on_the_way: dict[str, Number]
+    descent_errors: dict[str, Number]
     shift: NDArray[np.float64]
 
 
@@ -168,32 +168,34 @@ def _at_pole(vehicle: Vehicle, chain: str, p: NDArray[np.complex128]) -> _AtPole
     masses, legs = ladder(vehicle, chain)
     bodies, stages = BODIES[-len(masses) :], STAGES[-len(legs) :]
     errors, force_errors, track_error = _descent_errors(vehicle, chain, p, ratios, forces)
-    on_the_way = dict(errors)
+    descent_errors = dict(errors)
     _free_wheelset(vehicle, p, (masses, bodies, legs[-1]), ratios, forces["primary"], errors, force_errors["primary"])
-    bend = sum(2 * p * m * np.square(ratios[b]) for m, b in zip(masses, bodies, strict=True))
+    stiffness_slope = sum(2 * p * m * np.square(ratios[b]) for m, b in zip(masses, bodies, strict=True))
     kinetic = sum(2 * m * np.abs(ratios[b]) ** 2 for m, b in zip(masses, bodies, strict=True))
     taken: Number = 0.0
     # errors of these sums, absolute
-    lost = sum(2 * m * np.abs(ratios[b]) ** 2 * (errors[b] + EPSILON) for m, b in zip(masses, bodies, strict=True))
-    bend_lost, taken_lost = 2 * np.abs(p) * lost, 0.0
+    kinetic_error = sum(
+        2 * m * np.abs(ratios[b]) ** 2 * (errors[b] + EPSILON) for m, b in zip(masses, bodies, strict=True)
+    )
+    slope_error, dissipation_error = 2 * np.abs(p) * kinetic_error, 0.0
     for (_, damping, joint), stage in zip(legs, stages, strict=True):
         yielding = 1.0 + p * damping * (2.0 / joint)
-        bend = bend + damping * np.square(ratios[stage] / yielding)
+        stiffness_slope = stiffness_slope + damping * np.square(ratios[stage] / yielding)
         power = damping * np.abs(ratios[stage] / yielding) ** 2
         taken = taken + power
         part = power * (errors[stage] + EPSILON * (2 + _cancelling(1.0, yielding - 1.0)))
-        bend_lost, taken_lost = bend_lost + 2 * part, taken_lost + 2 * part
-    slope = bend / (vehicle.contact_stiffness * ratios["wheelset"])
+        slope_error, dissipation_error = slope_error + 2 * part, dissipation_error + 2 * part
+    slope = stiffness_slope / (vehicle.contact_stiffness * ratios["wheelset"])
     with np.errstate(divide="ignore", invalid="ignore"):
         return _AtPole(
             slope,
             ratios,
             -taken / kinetic,
             errors,
-            bend_lost / np.abs(bend) + errors["wheelset"] + 4 * EPSILON,
-            np.where(taken > 0, taken_lost / taken, 0.0) + 2 * lost / kinetic + 4 * EPSILON,
+            slope_error / np.abs(stiffness_slope) + errors["wheelset"] + 4 * EPSILON,
+            np.where(taken > 0, dissipation_error / taken, 0.0) + 2 * kinetic_error / kinetic + 4 * EPSILON,
             (np.abs(track) + track_error) / np.abs(slope * p),
-            on_the_way,
+            descent_errors,
             track_error / np.abs(slope * p),
         )
 
@@ -216,7 +218,7 @@ def resonances(vehicle: Vehicle, chain: str, poles: NDArray[np.complex128]) -> R
     """`Resonances` at poles [..., n] of a chain, known by their eigenvalues, of a vehicle or a grid of vehicles."""
     with np.errstate(all="ignore"):
         found = _at_pole(vehicle.column(), chain, poles)
-        errors = {name: np.broadcast_to(error, poles.shape) for name, error in found.on_the_way.items()}
+        errors = {name: np.broadcast_to(error, poles.shape) for name, error in found.descent_errors.items()}
     return Resonances(poles, ~sharp(poles), found.shift, errors)
 
 
@@ -243,7 +245,7 @@ def own_resonances(vehicle: Vehicle, chain: str) -> Resonances:
 def sharp(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
     """Eigenvalues [..., n] whose real parts, the widths of their peaks, may be lost in the rounding of the largest."""
     largest = np.max(np.where(np.abs(poles) < 2 * FAR, np.abs(poles), 0.0), axis=-1, keepdims=True, initial=0.0)
-    return np.abs(poles.real) < LOST_BELOW * largest
+    return np.abs(poles.real) < ROUNDED_BELOW * largest
 
 
 def _complete(vehicle: Vehicle, chain: str, poles: NDArray[np.complex128]) -> bool:
@@ -278,7 +280,7 @@ def _cancelling(first: Number, second: Number) -> Number:
 def _descent_errors(
     vehicle: Vehicle, chain: str, p: NDArray[np.complex128], ratios: dict[str, Number], forces: dict[str, Number]
 ) -> tuple[dict[str, Number], dict[str, Number], NDArray[np.float64]]:
-    """What rounding leaves of `response.descend`: relative errors of ratios and forces, absolute ones of the track's.
+    """What rounding leaves of `chains.descend`: relative errors of ratios and forces, absolute ones of the track's.
 
     A running analysis: every step adds its own rounding to what it takes over (Wilkinson 1963; Higham, Accuracy and
     Stability of Numerical Algorithms, 3.3).

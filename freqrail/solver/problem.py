@@ -21,7 +21,7 @@ class Problem:
     """A grid of vehicles, speeds and the track below them, numbers only.
 
     vehicle: fields are floats or arrays that broadcast to the grid of vehicles. speed: [m] in m/s.
-    band None: the whole axis. names: keys of `response.RESPONSES`.
+    band None: the whole axis. names: keys of `model.responses`.
     """
 
     vehicle: Vehicle

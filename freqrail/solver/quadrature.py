@@ -61,12 +61,12 @@ _GAUSS_W = (
     0.295524224714752870173815619188769,
 )
 
-# A panel's length is at most POLE_REACH times its distance from the nearest pole, and the fastest lag turns by at
-# most PHASE_REACH radians over it. With a pole abreast of the panel's middle the Bernstein ellipse has
+# A panel's length is at most POLE_DISTANCE times its distance from the nearest pole, and the fastest lag turns by at
+# most PANEL_PHASE radians over it. With a pole abreast of the panel's middle the Bernstein ellipse has
 # rho = 5/6 + sqrt(25/36 + 1) = 2.14: the Gauss rule misses by rho^-20 = 3e-7 of that panel's share, the Kronrod
 # rule by rho^-32 = 3e-11. docs/theory.md shows the errors measured.
-POLE_REACH = 2.4
-PHASE_REACH = 14.0
+POLE_DISTANCE = 2.4
+PANEL_PHASE = 14.0
 CAUTION = 40.0  # of the error estimate: QUADPACK's 200 is for integrands of any kind, these panels follow the poles
 NARROWEST = 1e-13  # no panel is shorter than this fraction of its frequency: rounding begins there
 TINY = 1e-150
@@ -112,37 +112,37 @@ def panel_edges(
     vehicles and of the track spectrum. longest_lag: of the wheels, s. From the left, each panel is as long as its
     distance from every pole and the lag's period allow; `refine` > 1 makes them shorter by that factor.
     """
-    reach = POLE_REACH / refine
-    by_lag = PHASE_REACH / refine / longest_lag if longest_lag > 0 else np.inf
+    ratio = POLE_DISTANCE / refine
+    by_lag = PANEL_PHASE / refine / longest_lag if longest_lag > 0 else np.inf
     done = []
     for low, high in itertools.pairwise(edges):
         done.append(float(low))
         least, run = NARROWEST * NARROWEST * high, RUN  # a pole at zero must not keep panels from leaving it
         while True:
-            by_poles = float(_room(np.array(done[-1:]), poles, reach)[0])
+            by_poles = float(_room(np.array(done[-1:]), poles, ratio)[0])
             step = max(min(by_poles, by_lag), NARROWEST * done[-1], least)
             if not done[-1] + step < high:
                 break
             done.append(done[-1] + step)
             if step == by_lag:  # and likely so for many panels to come
                 ahead = np.add.accumulate(np.append(done[-1], np.full(run, by_lag)))
-                same = (_room(ahead, poles, reach) >= by_lag) & (ahead + by_lag < high)
+                same = (_room(ahead, poles, ratio) >= by_lag) & (ahead + by_lag < high)
                 count = int(np.argmin(np.append(same, False)))
                 done.extend(ahead[1 : count + 1].tolist())
                 run = min(2 * run, LONGEST_RUN) if count == run else RUN
     return np.append(done, edges[-1])
 
 
-def _room(left: NDArray[np.float64], poles: NDArray[np.complex128], reach: float) -> NDArray[np.float64]:
-    """Longest panels that poles allow from each left edge [n], rad/s; `reach` times the distance from the nearest."""
+def _room(left: NDArray[np.float64], poles: NDArray[np.complex128], ratio: float) -> NDArray[np.float64]:
+    """Longest panels that poles allow from each left edge [n], rad/s; `ratio` times the distance from the nearest."""
     centre, width = np.abs(np.imag(poles)).ravel(), np.abs(np.real(poles)).ravel()
     ahead = centre - left[:, None]
-    # L = reach x distance: from the left edge (pole behind), from the right edge (pole ahead), or from within
-    room = ahead**2 - (reach**2 - 1) * width**2
+    # L = ratio x distance: from the left edge (pole behind), from the right edge (pole ahead), or from within
+    room = ahead**2 - (ratio**2 - 1) * width**2
     square = np.square(ahead) + np.square(width)
-    before = reach * square / (np.abs(reach * ahead) + np.sqrt(np.maximum(room, 0.0)) + TINY)
-    within = np.where((room > 0) & (before < ahead), before, reach * width)
-    length = np.where(ahead <= 0, reach * np.sqrt(square), within)
+    before = ratio * square / (np.abs(ratio * ahead) + np.sqrt(np.maximum(room, 0.0)) + TINY)
+    within = np.where((room > 0) & (before < ahead), before, ratio * width)
+    length = np.where(ahead <= 0, ratio * np.sqrt(square), within)
     return np.min(length, axis=-1, initial=np.inf)
 
 
@@ -151,7 +151,7 @@ PANEL_NODES = 21
 
 def fewest_nodes(edges: NDArray[np.float64], longest_lag: float) -> float:
     """Nodes that the lags alone call for between edges in rad/s, whatever the poles; longest_lag in s."""
-    return PANEL_NODES * float(edges[-1] - edges[0]) * longest_lag / PHASE_REACH
+    return PANEL_NODES * float(edges[-1] - edges[0]) * longest_lag / PANEL_PHASE
 
 
 def quadrature(edges: NDArray[np.float64]) -> Quadrature:
@@ -211,11 +211,11 @@ def mean_squares(
     vehicle: Vehicle,
     names: tuple[str, ...],
     nodes: Iterable[WeightedNodes],
-    lost: Mapping[str, NDArray[np.float64]] | None = None,
+    rounding_errors: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> dict[str, MeanSquare]:
     """Mean squares of the named responses (keys of `RESPONSES`) for a grid of vehicles.
 
-    vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. lost: `rounding` of each
+    vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. rounding_errors: `rounding` of each
     response, at least `ROUNDING`.
     Returns {name: MeanSquare}, [positions, grid..., speeds].
 
@@ -259,7 +259,8 @@ def mean_squares(
             d = difference / np.abs(value)
             steep = CAUTION * d
         result[name] = MeanSquare(
-            value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + (lost or {}).get(name, ROUNDING))
+            value,
+            np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + (rounding_errors or {}).get(name, ROUNDING)),
         )
     return result
 
@@ -269,7 +270,7 @@ def _add_product(total: NDArray[np.float64], power: NDArray[np.float64], weight:
 
     BLAS picks its order of summation by the shape of a product, so every product of a grid has the same shape and a
     row the same bits whatever its block. And the shape is small: OpenBLAS then neither copies its operands nor starts
-    threads of its own (up to 4 x 65536 multiplications), which would fight with those of `grid.solve`.
+    threads of its own (up to 4 x 65536 multiplications), which would fight with those of `solve.solve`.
     """
     speeds = total.shape[-1]
     if speeds <= SPEEDS:
@@ -303,8 +304,8 @@ def rounding(
         sharpness = np.where(frequency > 0, size / distance, 0.0)
         narrow = np.where(np.isfinite(limits[1]), limits[1] / (limits[1] - limits[0]), 1.0)
         # an element is small, and so its error large, beside the pole only
-        beside = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
-        unusual = np.max(np.where(frequency > 0, moved * size / distance + beside, 0.0), axis=0, initial=0.0)
+        near_pole = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
+        unusual = np.max(np.where(frequency > 0, moved * size / distance + near_pole, 0.0), axis=0, initial=0.0)
     return ROUNDING + 4 * EPSILON * (np.max(sharpness, axis=0, initial=0.0) + narrow) + unusual
 
 

@@ -69,7 +69,7 @@ ONE_POLE = 0.05  # cutoffs of a spectrum closer than this to their mean, relativ
 APART, SPECTRA = (0.06, 0.4), 9  # distances from the mean, and number, of cutoffs from which is extrapolated there
 
 LOSS = 4e-11  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
-SAFETY = 2  # of the doubt that two ways to a residue leave
+SAFETY = 2  # of the difference between two ways to a residue
 
 # --- sums of residues ------------------------------------------------------------------------------
 
@@ -184,10 +184,10 @@ def _sum_of_residues(
     distances = _lag_distances(vehicle)
     columns = {name: _columns(RESPONSES[name]) for name in names}
     terms: dict[tuple[str, int], list[tuple[NDArray, NDArray]]] = {(k, c): [] for k in names for c in columns[k]}
-    doubts = _doubts(vehicle, chains, {RESPONSES[name].element for name in names})
+    residue_errors = _residue_errors(vehicle, chains, {RESPONSES[name].element for name in names})
     for x in chains:
         rows = [(name, c) for name, c in terms if any(x == first for first, _, _ in PRODUCTS[c])]
-        found = _chain_terms(vehicle, chains, doubts, x, rows, distances, spectrum, speed)
+        found = _chain_terms(vehicle, chains, residue_errors, x, rows, distances, spectrum, speed)
         for row, term in zip(rows, found, strict=True):
             terms[row].append(term)
     for track in _track_poles(vehicle, tuple(chains), distances, spectrum, speed):
@@ -216,7 +216,7 @@ def _columns(series: Response) -> list[int]:
     return [c for c, terms in enumerate(PRODUCTS) if all({x, y} <= set(series.chains) for x, y, _ in terms)]
 
 
-def _doubts(
+def _residue_errors(
     vehicle: Vehicle, chains: dict[str, Expansion], quantities: set[str]
 ) -> dict[tuple[str, str], NDArray[np.float64]]:
     """Possible errors of the residues of (chain, element) at its upper poles, [grid..., k].
@@ -249,7 +249,7 @@ def _doubts(
 def _chain_terms(
     vehicle: Vehicle,
     chains: dict[str, Expansion],
-    doubts: dict[tuple[str, str], NDArray[np.float64]],
+    residue_errors: dict[tuple[str, str], NDArray[np.float64]],
     x: str,
     rows: list[tuple[str, int]],
     distances: NDArray,
@@ -262,14 +262,14 @@ def _chain_terms(
 
     Y(-p) is read off the chain directly where the pole p is well damped: there the way down adds positive terms
     only. Of a lightly damped pole it comes from partial fractions, which near the mirror image of another pole see
-    the true distance and no difference of large numbers, but are as wrong as the residues in them (`doubts`).
+    the true distance and no difference of large numbers, but are as wrong as the residues in them (`residue_errors`).
     """
     chain = chains[x]
     p = chain.take(chain.poles)
     near = {y: -1.0 / (p[..., :, None] + other.poles[..., None, :]) for y, other in chains.items()}
     direct = {y: _directly(vehicle, y, -p) for y in chains}
     damped = np.abs(p.real) > LIGHT * np.abs(p)
-    reach = {y: _reach(p, other) for y, other in chains.items()}
+    mirrors = {y: _mirror_weights(p, other) for y, other in chains.items()}
     heads, uncertainties = {}, {}
     for name in dict.fromkeys(name for name, _ in rows):
         series = RESPONSES[name]
@@ -279,14 +279,16 @@ def _chain_terms(
         for y in series.chains:
             mirrored = np.where(damped, direct[y][quantity], fractions[y])
             heads[name, y] = scale * residue * mirrored
-            wrong = np.where(damped, 0.0, np.sum(reach[y] * doubts[y, quantity][..., None, :], axis=-1))
-            uncertainties[name, y] = np.abs(scale) * (np.abs(mirrored) * doubts[x, quantity] + np.abs(residue) * wrong)
+            wrong = np.where(damped, 0.0, np.sum(mirrors[y] * residue_errors[y, quantity][..., None, :], axis=-1))
+            uncertainties[name, y] = np.abs(scale) * (
+                np.abs(mirrored) * residue_errors[x, quantity] + np.abs(residue) * wrong
+            )
     coefficients = [sum(f * heads[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
     weight = np.stack(np.broadcast_arrays(*coefficients), axis=-2)
     losses = {name: _loss(chains, RESPONSES[name].chains) for name in dict.fromkeys(name for name, _ in rows)}
     loss = np.stack(np.broadcast_arrays(*(losses[name] for name, _ in rows)), axis=-2)
-    doubtful = [sum(abs(f) * uncertainties[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
-    uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*doubtful), axis=-2)
+    from_residues = [sum(abs(f) * uncertainties[name, y] for a, y, f in PRODUCTS[c] if a == x) for name, c in rows]
+    uncertain = loss * np.abs(weight) + np.stack(np.broadcast_arrays(*from_residues), axis=-2)
     lags = LAG_SUMS[[c for _, c in rows]]
     # As many terms as the chain has poles, the rest zero: how many of them stand for two differs from vehicle to
     # vehicle, and BLAS picks its order of summation by the shape of the product.
@@ -301,7 +303,7 @@ def _chain_terms(
         yield value[..., row, :], error[..., row, :]
 
 
-def _reach(p: NDArray[np.complex128], other: Expansion) -> NDArray[np.float64]:
+def _mirror_weights(p: NDArray[np.complex128], other: Expansion) -> NDArray[np.float64]:
     """What an error of a residue of another chain's upper pole (and its conjugate) makes of partial fractions at -p:
     at most this much a unit, [grid..., k, other's k]."""
     q = other.take(other.poles)[..., None, :]
@@ -430,9 +432,9 @@ def _singular(
         merging = np.any(gaps < MERGING * np.abs(p[..., None]), axis=(-2, -1))
         result = result | merging[..., None]
         # the spectrum's poles are real: only vehicle's poles next to the real axis can meet them
-        beside = np.abs(p.imag) < MEETING * np.abs(p)
-        for k in np.flatnonzero(np.any(beside, axis=tuple(range(p.ndim - 1)))):
-            real = np.where(beside[..., k], p[..., k].real, np.nan)[..., None]
+        meeting = np.abs(p.imag) < MEETING * np.abs(p)
+        for k in np.flatnonzero(np.any(meeting, axis=tuple(range(p.ndim - 1)))):
+            real = np.where(meeting[..., k], p[..., k].real, np.nan)[..., None]
             for cutoff in spectrum.cutoffs:
                 result = result | (np.abs(real + cutoff * speed) < MEETING * np.abs(real))
     return result

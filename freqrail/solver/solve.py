@@ -25,7 +25,7 @@ from freqrail.model.responses import RESPONSES
 from freqrail.reduction.chain_columns import response_psd
 from freqrail.reduction.chains import chain_system, ladder, poles
 from freqrail.solver import quadrature, residues
-from freqrail.solver.panels import SharedPanels, every_pole, lost, own_edges, shared_panels, speed_groups
+from freqrail.solver.panels import SharedPanels, every_pole, own_edges, rounding_errors, shared_panels, speed_groups
 from freqrail.solver.partial_fractions import own_resonances
 from freqrail.solver.problem import Problem, cells, cells_by_geometry, cut
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE, Solution
@@ -125,7 +125,7 @@ def _solve_by_quadrature(
 
             def together(cell: tuple[slice, ...], nodes: list[quadrature.WeightedNodes] = nodes) -> None:
                 part = replace(study, vehicle=cut(study.vehicle, cell))
-                block = quadrature.mean_squares(part.vehicle.column(), study.names, nodes, shared.lost)
+                block = quadrature.mean_squares(part.vehicle.column(), study.names, nodes, shared.rounding_errors)
                 _store(solution, cell, block, "shared_quadrature")
                 progress(part.points)
 
@@ -161,7 +161,7 @@ def _own_quadrature(study: Problem, index: tuple[int, ...]) -> dict[str, quadrat
     """Mean squares of one vehicle at every speed with nodes placed for it alone, and denser: [positions, speeds]."""
     vehicle = study.vehicle.at(index)
     found = {chain: own_resonances(vehicle, chain) for chain in study.chains}
-    rounding = lost(study, found)
+    rounding = rounding_errors(study, found)
     hopeless = {name for name in study.names if not np.any(rounding[name] / 2 <= TOLERANCE)}
     if hopeless and np.isfinite(every_pole(found)).all():
         rest = replace(study, names=tuple(name for name in study.names if name not in hopeless))

@@ -139,7 +139,7 @@ def concerns(case: Case) -> tuple[Concern, ...]:
     return tuple(concern for concern in found if concern)
 
 
-def told(case: Case) -> tuple[Concern, ...]:
+def warn(case: Case) -> tuple[Concern, ...]:
     """`concerns`, each warned of (FreqrailWarning) that the case does not accept."""
     found = concerns(case)
     for concern in found:

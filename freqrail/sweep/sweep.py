@@ -42,7 +42,7 @@ def sweep(
 
     case: a `Case`, the path of a case file or the name of a shipped case. over: {"NAME": "AXIS"}, such
     as {"speed": "100:300:10 km/h"}, replaces the case's axis or adds one. settings: {"NAME": "VALUE"} for
-    scalars. responses: "paper" (the paper's four), "all", or names of `names.RESPONSES`. psd: store
+    scalars. responses: "paper" (the paper's four), "all", or names of `model.responses`. psd: store
     spectra too. jobs: threads that work on blocks, as many as processors unless given; they change no bit of the
     result. progress: called with the number of grid points just done.
 
@@ -62,8 +62,8 @@ def sweep(
         raise InputError("over and settings go with the path or name of a case: a Case is checked already")
     plan = Plan.of(case, responses, psd)
     check_memory(plan)
-    told = plausibility.stored(plausibility.told(case), case)
-    return compute(plan, jobs, progress).assign_attrs({"warnings": told} if told else {})
+    warned = plausibility.stored(plausibility.warn(case), case)
+    return compute(plan, jobs, progress).assign_attrs({"warnings": warned} if warned else {})
 
 
 def compute(plan: Plan, jobs: int | None = None, progress: Progress = lambda points: None) -> xr.Dataset:
@@ -79,14 +79,14 @@ def compute(plan: Plan, jobs: int | None = None, progress: Progress = lambda poi
 class Outcome:
     """What a sweep into a file came to. largest_error: NaN if no number has an error estimate.
 
-    told: the attribute `warnings` of its file, see `plausibility.stored`.
+    warnings: the attribute `warnings` of its file, see `plausibility.stored`.
     """
 
     path: Path
     largest_error: float
     failures: tuple[str, ...]
     resumed: int
-    told: str
+    warnings: str
 
 
 def sweep_to_file(
@@ -106,8 +106,8 @@ def sweep_to_file(
     FileError if another run is writing the same file, or the disk is full (the journal is kept).
     """
     target = netcdf.check_target(path, overwrite)
-    told = plausibility.stored(plausibility.told(plan.layout.case), plan.layout.case)
-    skeleton = labels.skeleton(plan.layout).assign_attrs({"warnings": told} if told else {})
+    warned = plausibility.stored(plausibility.warn(plan.layout.case), plan.layout.case)
+    skeleton = labels.skeleton(plan.layout).assign_attrs({"warnings": warned} if warned else {})
     everything = parts.cut(plan)
     with netcdf.lock(target), Journal.open(target, _identity(plan, everything), resume) as journal:
         todo = [block for block in everything if block.key not in journal.keys]
@@ -134,7 +134,7 @@ def sweep_to_file(
         {name: (described[name].dims, values, described[name].attributes) for name, values in status.items()}
     )
     failures = tuple(axes.first_failures(labelled))
-    return Outcome(target, float(np.fmax.reduce(largest)), failures, len(everything) - len(todo), told)
+    return Outcome(target, float(np.fmax.reduce(largest)), failures, len(everything) - len(todo), warned)
 
 
 def local(jobs: int | None = None) -> Executor:

@@ -42,7 +42,9 @@ def main() -> None:
 
     def old() -> dict:
         weighted = solve._weighted_nodes(study, (0, 0), rule)
-        return [quadrature.mean_squares(block.column(), study.names, weighted, shared.lost) for block in blocks][-1]
+        return [
+            quadrature.mean_squares(block.column(), study.names, weighted, shared.rounding_errors) for block in blocks
+        ][-1]
 
     def new() -> dict:
         weighted = list(
@@ -50,7 +52,9 @@ def main() -> None:
                 reduction, places, study.spectrum, rule, study.speed, study.limits, quadrature.NODES
             )
         )
-        return [block_quadrature.mean_squares(reduction, vars(block), weighted, shared.lost) for block in blocks][-1]
+        return [
+            block_quadrature.mean_squares(reduction, vars(block), weighted, shared.rounding_errors) for block in blocks
+        ][-1]
 
     times: dict[str, list[float]] = {"old": [], "new": []}
     for _ in range(5):

@@ -14,8 +14,8 @@ import freqrail
 from freqrail.case.case import build_case
 from freqrail.cli import tables
 from freqrail.cli.commands import run as command
-from freqrail.confirm import conditions, simulation, time_side
 from freqrail.confirm import run as confirm_run
+from freqrail.confirm import setup, simulation, time_side
 from freqrail.confirm.confirm import carry_out
 from freqrail.confirm.run import check_cost, prepare_run
 from freqrail.errors import FreqrailWarning, InputError
@@ -130,7 +130,7 @@ def test_conditions_are_attributes(confirmed):
     assert "spline" in a["interpolation"]
     assert "ln(100000)" in a["discard_rule"]
     assert 0 < a["tighter_repeat_change"] < 2e-5
-    assert a["ramp_s"] == conditions.RAMP
+    assert a["ramp_s"] == setup.RAMP
     assert len(a["result_content_digest"]) == 64
     assert "scipy" in json.loads(a["versions"])
     assert a["effective_case_sha256"]
@@ -173,7 +173,7 @@ def test_another_seed_gives_other_records_and_the_same_reference(result, confirm
 
 
 def test_histories_and_track_are_bounded_and_the_track_reaches_the_wheels_one_after_the_other(confirmed):
-    assert float(confirmed.time.max()) < conditions.HISTORY
+    assert float(confirmed.time.max()) < setup.HISTORY
     first, last = (confirmed.track_height.isel(point=0).sel(axle=n).values for n in (1, 4))
     v = 250 / 3.6
     lag = 2 * (0.797 + 3.289) / v
@@ -200,7 +200,7 @@ def test_a_result_without_a_band_is_confirmed_over_0_1_to_100_hz_and_says_so():
 
 def test_a_wavelength_band_is_that_of_each_points_speed():
     waves = sweep(settings={"wavelength": "1:100 m"})
-    plans = prepare_run(waves, AT, **QUICK).plans
+    plans = prepare_run(waves, AT, **QUICK).setups
     assert plans[1].limits == pytest.approx((300 / 3.6 / 100, 300 / 3.6))
     found = freqrail.confirm(waves, at=AT, **QUICK)
     assert confirmation.problems(found) == []
@@ -208,8 +208,8 @@ def test_a_wavelength_band_is_that_of_each_points_speed():
 
 
 def test_a_band_can_be_named(result):
-    assert prepare_run(result, AT[0], band="0.5:20 Hz", **QUICK).plans[0].limits == pytest.approx((0.5, 20))
-    assert prepare_run(result, AT[0], band="1:100 m", **QUICK).plans[0].limits == pytest.approx((250 / 360, 250 / 3.6))
+    assert prepare_run(result, AT[0], band="0.5:20 Hz", **QUICK).setups[0].limits == pytest.approx((0.5, 20))
+    assert prepare_run(result, AT[0], band="1:100 m", **QUICK).setups[0].limits == pytest.approx((250 / 360, 250 / 3.6))
 
 
 # --- it can fail -----------------------------------------------------------------------------------

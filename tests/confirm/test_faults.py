@@ -58,14 +58,14 @@ def plan(result):
 @pytest.fixture(scope="module")
 def simulated(plan):
     """The time side, without a fault."""
-    return [simulation.examine(point, one) for point, one in zip(plan.points, plan.plans, strict=True)]
+    return [simulation.examine(point, one) for point, one in zip(plan.points, plan.setups, strict=True)]
 
 
 def judged(run, evidence):
     """The confirmation of a simulation that is done, its references computed anew."""
     found = [
         references.references(point, one, run.case.band, run.frequency)
-        for point, one in zip(run.points, run.plans, strict=True)
+        for point, one in zip(run.points, run.setups, strict=True)
     ]
     return label(run, evidence, found)
 
@@ -98,7 +98,7 @@ def test_without_a_fault_all_stands(plan, simulated):
 
 
 def scaled(factors):
-    """`grid.solve` with the RMS of some responses times a factor."""
+    """`solve.solve` with the RMS of some responses times a factor."""
     true = solver_solve.solve
 
     def solve(*given, **options):
@@ -168,7 +168,7 @@ def test_a_kernel_with_another_edge_of_the_band_is_seen_by_the_kernel_check(plan
 
 def test_a_closed_form_that_is_off_is_seen_by_the_whole_axis_check(whole, monkeypatch):
     run = prepare_run(whole, **QUICK, band="0.5:10 Hz")
-    simulated = [simulation.examine(point, one) for point, one in zip(run.points, run.plans, strict=True)]
+    simulated = [simulation.examine(point, one) for point, one in zip(run.points, run.setups, strict=True)]
     assert outside(judged(run, simulated)) == {}
     true = residues.whole_axis_mean_squares
 

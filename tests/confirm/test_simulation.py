@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqrail.confirm import conditions, simulation, statistics, time_side
-from freqrail.confirm.conditions import MODELS, Conditions
+from freqrail.confirm import setup, simulation, statistics, time_side
 from freqrail.confirm.integrators import Accuracy
+from freqrail.confirm.setup import MODELS, Setup
 from freqrail.confirm.time_side import OperatingPoint, TimeSide
 from freqrail.confirm.usual_run import plain_run
 from freqrail.errors import InputError
@@ -24,7 +24,7 @@ from freqrail.solver.problem import Problem
 from tests.helpers import ALL_NAMES, lags, output_matrices
 
 BAND = (0.1, 100.0)
-SHORT = Conditions(BAND, period=20.0, realisations=2, integrator="exponential")
+SHORT = Setup(BAND, period=20.0, realisations=2, integrator="exponential")
 
 
 @pytest.fixture(scope="module")
@@ -47,12 +47,12 @@ def verdicts_of(point, plan, side=None, true=None) -> tuple[np.ndarray, np.ndarr
     return judged(simulation.examine(point, plan, side), plan, reference(true or point))
 
 
-def judged(evidence: simulation.Simulation, plan: Conditions, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def judged(evidence: simulation.Simulation, plan: Setup, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(solver, statistical) verdicts of what was found at one point."""
     return (
         statistics.tolerance_verdicts(
             evidence.solver_error,
-            np.array([[conditions.SOLVER_TOLERANCE[conditions.integrator_of(plan, model)]] for model in MODELS]),
+            np.array([[setup.SOLVER_TOLERANCE[setup.integrator_of(plan, model)]] for model in MODELS]),
             verdicts.FAILED,
         ),
         statistics.statistical_verdicts(evidence.pooled, evidence.degrees, known, 2 * series_count(PAPER)),
@@ -82,13 +82,13 @@ def test_rk45_does_too(point):
 
 def test_a_start_in_the_steady_state_needs_no_time_to_forget(point):
     plan = replace(SHORT, start="steady")
-    assert conditions.startup(point, plan) == 0
+    assert setup.startup(point, plan) == 0
     assert simulation.examine(point, plan).solver_error.max() < 2e-5
 
 
 def test_newmark_runs_the_traditional_model_and_rk45_the_other_as_in_the_paper(point):
     plan = replace(SHORT, integrator="newmark", limits=(0.1, 20.0), start="steady", period=18.0, realisations=1)
-    assert [conditions.integrator_of(plan, model) for model in MODELS] == ["rk45", "newmark"]
+    assert [setup.integrator_of(plan, model) for model in MODELS] == ["rk45", "newmark"]
     found = simulation.examine(point, plan)
     assert found.solver_error[0].max() < 2e-5
     assert 1e-7 < found.solver_error[1].max() < 1e-3
@@ -216,10 +216,10 @@ def test_no_band_makes_a_right_number_fail_the_solver_check(point, limits):
 def test_the_bound_of_the_images_is_above_what_they_do_and_ten_samples_a_period_would_not_do(
     point, limits, monkeypatch
 ):
-    monkeypatch.setattr(conditions, "SAMPLES_A_PERIOD", (10,))
+    monkeypatch.setattr(setup, "SAMPLES_A_PERIOD", (10,))
     plan = replace(SHORT, limits=limits, start="steady", realisations=1)
     side = time_side.time_side(point)
-    bound = conditions.image_bound(point, plan, side, conditions.sampling_rate(point, plan, side))
+    bound = setup.image_bound(point, plan, side, setup.sampling_rate(point, plan, side))
     found = simulation.examine(point, plan).solver_error.max()
     assert 1e-5 < found < 1.5 * bound  # a record's lines are not those that the bound is reckoned with
 
@@ -251,22 +251,22 @@ def test_each_of_its_habits_alone_is_wrong_and_without_them_the_run_is_right(poi
 
 def test_the_start_waits_for_the_slowest_mode_below_the_bands_end(point):
     # design, section 5: 29 s on the paper's case
-    assert conditions.startup(point, SHORT) - conditions.RAMP == pytest.approx(29, abs=1)
+    assert setup.startup(point, SHORT) - setup.RAMP == pytest.approx(29, abs=1)
 
 
 def test_a_band_that_reaches_the_wheelsets_must_wait_for_them(point):
     # decay time 5.7 s at 5 MN/m, so ln(1e5) times that
-    assert conditions.startup(point, replace(SHORT, limits=(0.1, 250.0))) - conditions.RAMP == pytest.approx(66, abs=2)
+    assert setup.startup(point, replace(SHORT, limits=(0.1, 250.0))) - setup.RAMP == pytest.approx(66, abs=2)
 
 
 def test_records_too_short_for_a_mode_are_refused_with_the_length_that_is_due(point):
     with pytest.raises(InputError, match=r"too short.*--duration \"18 s\""):
-        conditions.check_plan(point, replace(SHORT, period=5.0))
+        setup.check_setup(point, replace(SHORT, period=5.0))
 
 
 def test_records_that_do_not_fit_the_memory_are_refused(point):
     with pytest.raises(InputError, match="GB of memory"):
-        conditions.check_plan(point, replace(SHORT, period=1e6))
+        setup.check_setup(point, replace(SHORT, period=1e6))
 
 
 def test_the_estimate_of_the_cost_grows_with_the_stiffness_for_rk45_and_not_for_the_recurrence(point):

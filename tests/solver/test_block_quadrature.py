@@ -71,13 +71,13 @@ def test_the_papers_grid_is_what_the_chains_give(paper_vehicle, german_low):
     (shared,) = panels.shared_panels(study)
     rule = quadrature.quadrature(shared.edges)
     before = quadrature.mean_squares(
-        study.vehicle.column(), study.names, solve._weighted_nodes(study, (0, 0), rule), shared.lost
+        study.vehicle.column(), study.names, solve._weighted_nodes(study, (0, 0), rule), shared.rounding_errors
     )
     values = vars(study.vehicle)
     found = reduce(half_vehicle(), outputs(), values)
     x = block_lags.places_of(found, values, (0, 0))
     weighted = block_lags.weighted_nodes(found, x, german_low, rule, study.speed, study.limits, quadrature.NODES)
-    after = block_quadrature.mean_squares(found, values, weighted, shared.lost)
+    after = block_quadrature.mean_squares(found, values, weighted, shared.rounding_errors)
     for name in study.names:
         np.testing.assert_allclose(after[name].value, before[name].value, rtol=1e-12)
         # an estimate is the 1.5th power of a difference of two rules, which itself is rounded

@@ -173,7 +173,7 @@ def test_vehicles_whose_sharp_peaks_are_all_elsewhere_are_better_off_alone(paper
     ringing = replace(paper_vehicle, primary_stiffness=springs, primary_damping=1.0, secondary_damping=1.0)
     (own,) = panels.shared_panels(study(ringing, np.array([60.0])))
     assert own.edges is None
-    assert all(np.all(lost > 1e-12) for lost in own.lost.values())
+    assert all(np.all(lost > 1e-12) for lost in own.rounding_errors.values())
 
 
 def test_shared_nodes_resolve_the_longest_vehicles_lags(paper_vehicle):
@@ -182,7 +182,7 @@ def test_shared_nodes_resolve_the_longest_vehicles_lags(paper_vehicle):
     )
     speeds = np.array([40.0, 50.0])
     (shared,) = panels.shared_panels(study(many, speeds))
-    assert np.max(np.diff(shared.edges)) == pytest.approx(quadrature.PHASE_REACH / (2 * (30 + 1.2) / 40))
+    assert np.max(np.diff(shared.edges)) == pytest.approx(quadrature.PANEL_PHASE / (2 * (30 + 1.2) / 40))
 
 
 @pytest.mark.parametrize("shape", [(300,), (301,), (5000,), (40, 50), (1, 1000), (7, 1, 600), (10, 10, 10)])

@@ -101,10 +101,10 @@ def test_panels_close_in_on_a_narrow_pole(damping):
     length = np.diff(edges)
     at_pole = length[(edges[:-1] <= 1225.0) & (edges[1:] >= 1225.0)]
     assert at_pole.size
-    assert np.all(at_pole <= quadrature.POLE_REACH * 1225.0 * damping * (1 + 1e-9) + 1e-12)  # edges are rounded
+    assert np.all(at_pole <= quadrature.POLE_DISTANCE * 1225.0 * damping * (1 + 1e-9) + 1e-12)  # edges are rounded
     # and no panel anywhere is longer than that multiple of its distance from the pole
     beside = np.maximum(0, np.maximum(edges[:-1] - 1225.0, 1225.0 - edges[1:]))
-    assert np.all(length <= quadrature.POLE_REACH * np.hypot(beside, 1225.0 * damping) * (1 + 1e-9) + 1e-11)
+    assert np.all(length <= quadrature.POLE_DISTANCE * np.hypot(beside, 1225.0 * damping) * (1 + 1e-9) + 1e-11)
     assert edges.size < 60 + 10 * np.log2(1 / damping)  # in a geometric progression, not in steps
 
 
@@ -113,7 +113,7 @@ def test_a_pole_within_a_panel_allows_a_multiple_of_its_width(before):
     """From wherever the panel starts, as long as it reaches the pole; `before` in half-widths."""
     pole = np.array([-10.0 + 1000j])
     edges = quadrature.panel_edges(np.array([1000.0 - 10 * before, 3000.0]), pole, longest_lag=0.0)
-    assert edges[1] - edges[0] == pytest.approx(10 * quadrature.POLE_REACH)
+    assert edges[1] - edges[0] == pytest.approx(10 * quadrature.POLE_DISTANCE)
 
 
 def test_an_undamped_pole_is_passed_in_steps_that_rounding_can_tell_apart():
@@ -126,16 +126,16 @@ def test_an_undamped_pole_is_passed_in_steps_that_rounding_can_tell_apart():
 
 
 def test_the_last_panel_is_never_empty():
-    edges = quadrature.panel_edges(np.array([0.0, 2 * quadrature.PHASE_REACH]), np.array([-1e9 + 0j]), longest_lag=1.0)
-    assert edges.tolist() == [0.0, quadrature.PHASE_REACH, 2 * quadrature.PHASE_REACH]
+    edges = quadrature.panel_edges(np.array([0.0, 2 * quadrature.PANEL_PHASE]), np.array([-1e9 + 0j]), longest_lag=1.0)
+    assert edges.tolist() == [0.0, quadrature.PANEL_PHASE, 2 * quadrature.PANEL_PHASE]
 
 
 def test_panels_are_short_against_the_lag():
     edges = quadrature.panel_edges(np.array([1.0, 3000.0]), np.array([-1e9 + 0j]), longest_lag=0.5)
-    assert np.max(np.diff(edges)) * 0.5 <= quadrature.PHASE_REACH
-    assert np.max(np.diff(edges)) * 0.5 == pytest.approx(quadrature.PHASE_REACH)  # and no shorter than that
+    assert np.max(np.diff(edges)) * 0.5 <= quadrature.PANEL_PHASE
+    assert np.max(np.diff(edges)) * 0.5 == pytest.approx(quadrature.PANEL_PHASE)  # and no shorter than that
     finer = quadrature.panel_edges(np.array([1.0, 3000.0]), np.array([-1e9 + 0j]), longest_lag=0.5, refine=4.0)
-    assert np.max(np.diff(finer)) * 0.5 <= quadrature.PHASE_REACH / 4
+    assert np.max(np.diff(finer)) * 0.5 <= quadrature.PANEL_PHASE / 4
 
 
 def test_the_fewest_nodes_are_those_that_the_lags_call_for():

@@ -212,7 +212,7 @@ def test_random_vehicles_in_a_band_within_their_own_error_estimates():
 
 def test_estimates_of_a_grid_are_never_below_its_errors(monkeypatch):
     """With panels twice too long there is an error to estimate; what is passed on covers it."""
-    monkeypatch.setattr(solver_quadrature, "POLE_REACH", 2 * solver_quadrature.POLE_REACH)
+    monkeypatch.setattr(solver_quadrature, "POLE_DISTANCE", 2 * solver_quadrature.POLE_DISTANCE)
     monkeypatch.setattr(solver_solve, "REFINE_ABOVE", np.inf)
     monkeypatch.setattr(solver_solve, "TOLERANCE", 1.0)
     speeds, largest = np.array([20.0, 70.0]), 0.0

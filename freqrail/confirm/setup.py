@@ -69,11 +69,11 @@ GOOD_TRACK = (3.0, 25.0)  # m, the wavelengths by which track standards judge a 
 
 
 @dataclass(frozen=True)
-class Conditions:
+class Setup:
     """How a point is simulated.
 
     limits: the band, Hz. period: length of a record, s. realisations: Gaussian records, beside one of fixed
-    amplitudes. integrator: of `integrators.INTEGRATORS`. start: "rest" or "steady". seed: see `realisation.stream`.
+    amplitudes. integrator: of `integrators.INTEGRATORS`. start: "rest" or "steady". seed: see `track_record.stream`.
     accuracy: None for the defaults. interpolation: of the track between samples, "cubic" (or, to show what
     it does, "linear"). names: of the responses. finer: times the track's samples that will do.
     """
@@ -89,7 +89,7 @@ class Conditions:
     names: tuple[str, ...] = PAPER
     finer: int = 1
 
-    def tighter(self) -> Conditions:
+    def tighter(self) -> Setup:
         """The same ten times tighter: tolerances; the steps of a method of second order; else the track's samples."""
         accuracy = replace(
             self.accuracy,
@@ -105,16 +105,16 @@ def slowest_decay(point: OperatingPoint, highest: float) -> float:
     return float(np.min(-_struck(point, highest).real))
 
 
-def accuracy(point: OperatingPoint, plan: Conditions) -> Accuracy:
-    """The plan's accuracy, tighter where a mode in the band is so little damped that rk45's own damping would show."""
-    modes = _struck(point, plan.limits[1])
+def accuracy(point: OperatingPoint, setup: Setup) -> Accuracy:
+    """The setup's accuracy, tighter where a mode in the band is so little damped that rk45's own damping would show."""
+    modes = _struck(point, setup.limits[1])
     least = float(np.min(-modes.real / np.abs(modes)))
     sharper = min(1.0, least / WELL_DAMPED)
-    longest = min(plan.accuracy.longest_step, 1 / (STEPS_A_PERIOD * plan.limits[1]))
+    longest = min(setup.accuracy.longest_step, 1 / (STEPS_A_PERIOD * setup.limits[1]))
     return replace(
-        plan.accuracy,
-        relative=plan.accuracy.relative * sharper,
-        absolute=plan.accuracy.absolute * sharper,
+        setup.accuracy,
+        relative=setup.accuracy.relative * sharper,
+        absolute=setup.accuracy.absolute * sharper,
         longest_step=longest,
     )
 
@@ -127,73 +127,73 @@ def _struck(point: OperatingPoint, highest: float) -> NDArray[np.complex128]:
     return both[np.abs(both.imag) <= 2 * np.pi * (highest + NEAR)]
 
 
-def startup(point: OperatingPoint, plan: Conditions) -> float:
+def startup(point: OperatingPoint, setup: Setup) -> float:
     """Seconds from the start until the measured period: the ramp, then ln(1e5)/sigma of the slowest mode struck."""
-    if plan.start == "steady":
+    if setup.start == "steady":
         return 0.0
-    return RAMP + math.log(1 / FORGOTTEN) / slowest_decay(point, plan.limits[1])
+    return RAMP + math.log(1 / FORGOTTEN) / slowest_decay(point, setup.limits[1])
 
 
-def check_plan(point: OperatingPoint, plan: Conditions) -> None:
-    """Raise InputError for a plan that cannot answer: records too short for a mode, or more than fits the memory."""
-    decay = slowest_decay(point, plan.limits[1])
+def check_setup(point: OperatingPoint, setup: Setup) -> None:
+    """Raise InputError for a setup that cannot answer: records too short for a mode, or more than fits the memory."""
+    decay = slowest_decay(point, setup.limits[1])
     if decay <= 0:
         raise InputError("a mode inside the band is undamped: it has no steady response to confirm")
     least = math.log(1 / RESOLVED) / decay
-    if plan.period < least:
+    if setup.period < least:
         raise InputError(
-            f"records of {plan.period:g} s are too short: a mode inside the band decays at {decay:.3g} 1/s, and the "
-            f'lines of a record must resolve its peak; --duration "{math.ceil(least)} s" or more is needed, or a --band '
+            f"records of {setup.period:g} s are too short: a mode inside the band decays at {decay:.3g} 1/s, and the "
+            f'lines of a record must resolve its peak; give --duration "{math.ceil(least)} s" or more, or a --band '
             "without that mode"
         )
-    samples = (plan.period + startup(point, plan)) * sampling_rate(point, plan, time_side(point, plan.names))
-    needed = 8 * samples * (6 * min(plan.realisations + 1, BATCH) + 2 * series_count(plan.names))
-    needed += 16 * plan.limits[1] * plan.period * (plan.realisations + 1)
+    samples = (setup.period + startup(point, setup)) * sampling_rate(point, setup, time_side(point, setup.names))
+    needed = 8 * samples * (6 * min(setup.realisations + 1, BATCH) + 2 * series_count(setup.names))
+    needed += 16 * setup.limits[1] * setup.period * (setup.realisations + 1)
     if needed > MOST_MEMORY:
         raise InputError(
-            f"{plan.realisations} records of {plan.period:g} s take {needed / 1e9:.3g} GB of memory, more than "
+            f"{setup.realisations} records of {setup.period:g} s take {needed / 1e9:.3g} GB of memory, more than "
             f"{MOST_MEMORY / 1e9:g} GB; give a smaller --duration or fewer --realisations"
         )
 
 
-def track_ranges(point: OperatingPoint, plan: Conditions) -> NDArray[np.float64]:
+def track_ranges(point: OperatingPoint, setup: Setup) -> NDArray[np.float64]:
     """Limits, Hz, of the ranges in which a record's track is checked: GOOD_TRACK as far as the band reaches, the band.
 
     [range, 2]; an empty range is NaN.
     """
     shortest, longest = GOOD_TRACK
-    low, high = max(plan.limits[0], point.speed / longest), min(plan.limits[1], point.speed / shortest)
-    return np.array([[low, high] if low < high else [np.nan, np.nan], plan.limits])
+    low, high = max(setup.limits[0], point.speed / longest), min(setup.limits[1], point.speed / shortest)
+    return np.array([[low, high] if low < high else [np.nan, np.nan], setup.limits])
 
 
-def simulated_seconds(point: OperatingPoint, plan: Conditions, tighter: bool = False) -> float:
+def simulated_seconds(point: OperatingPoint, setup: Setup, tighter: bool = False) -> float:
     """Seconds that `examine` simulates, a state of many columns counted once."""
-    once = startup(point, plan) + plan.period
-    return once * len(groups(plan)) * (-(-(plan.realisations + 1) // BATCH) + tighter)
+    once = startup(point, setup) + setup.period
+    return once * len(groups(setup)) * (-(-(setup.realisations + 1) // BATCH) + tighter)
 
 
-def sampling_rate(point: OperatingPoint, plan: Conditions, side: TimeSide) -> float:
+def sampling_rate(point: OperatingPoint, setup: Setup, side: TimeSide) -> float:
     """Samples of the track a second: enough for the highest line, and for its images to leave every RMS alone.
 
     They must clear every mode, for an undamped wheelset there would answer them, and add less than IMAGES to an RMS.
     """
-    highest = plan.limits[1] + 0.5 / plan.period
+    highest = setup.limits[1] + 0.5 / setup.period
     modes = max(float(np.abs(np.linalg.eigvals(model.a).imag).max()) / (2 * np.pi) for model in side.models.values())
     rate = math.inf
     for samples in SAMPLES_A_PERIOD:
         rate = max(samples * highest, highest + 2 * modes)
-        if plan.interpolation != "cubic" or image_bound(point, plan, side, rate) <= IMAGES:
+        if setup.interpolation != "cubic" or image_bound(point, setup, side, rate) <= IMAGES:
             break
-    return rate * plan.finer
+    return rate * setup.finer
 
 
-def image_bound(point: OperatingPoint, plan: Conditions, side: TimeSide, rate: float) -> float:
+def image_bound(point: OperatingPoint, setup: Setup, side: TimeSide, rate: float) -> float:
     """Upper bound of what the images of a cubic spline with `rate` samples a second add to any RMS, relative.
 
     A line at f has images at m rate -+ f, (f/(m rate -+ f))^4 of its height. The kept samples cannot tell the first of
     them from the line, so that they may add up in phase: sum |Y_k| |image_k|/sum |Y_k|^2.
     """
-    lines = np.linspace(*plan.limits, IMAGE_LINES)
+    lines = np.linspace(*setup.limits, IMAGE_LINES)
     density = frequency_psd(point.spectrum, lines, point.speed)
     images = [(image, (lines / image) ** 4) for m in (1, 2) for image in (m * rate - lines, m * rate + lines)]
     worst = 0.0
@@ -207,21 +207,21 @@ def image_bound(point: OperatingPoint, plan: Conditions, side: TimeSide, rate: f
     return worst
 
 
-def integrator_of(plan: Conditions, model: str) -> str:
+def integrator_of(setup: Setup, model: str) -> str:
     """The integrator that runs a model."""
-    return next(integrator for integrator, models in groups(plan) if model in models)
+    return next(integrator for integrator, models in groups(setup) if model in models)
 
 
-def tolerance(plan: Conditions) -> NDArray[np.float64]:
-    """Largest solver error, relative, that the integrators of a plan are allowed, [model, 1]."""
-    return np.array([[SOLVER_TOLERANCE[integrator_of(plan, model)]] for model in MODELS])
+def tolerance(setup: Setup) -> NDArray[np.float64]:
+    """Largest solver error, relative, that the integrators of a setup are allowed, [model, 1]."""
+    return np.array([[SOLVER_TOLERANCE[integrator_of(setup, model)]] for model in MODELS])
 
 
 BATCH = 16  # records that are columns of one state
 
 
-def groups(plan: Conditions) -> list[tuple[str, tuple[str, ...]]]:
+def groups(setup: Setup) -> list[tuple[str, tuple[str, ...]]]:
     """(integrator, models that it runs together): as in the paper, newmark is for the traditional model alone."""
-    if plan.integrator == "newmark":
+    if setup.integrator == "newmark":
         return [("rk45", ("joint",)), ("newmark", ("traditional",))]
-    return [(plan.integrator, MODELS)]
+    return [(setup.integrator, MODELS)]
