@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.case.parameters import Parameter
-from freqrail.case.quantities import _check, _factor, _float, split_number, unit_factor
+from freqrail.case.quantities import check_bounds, split_number, to_float, unit_factor, user_factor
 from freqrail.text import given
 
 LARGEST_AXIS = 10_000_000
@@ -51,7 +51,7 @@ class _Values:
         scale = ratio / self.denominator
         p, q = scale.numerator, scale.denominator
         for end in (self.numerators[0], self.numerators[-1]):
-            _float(Fraction(end) * scale, got)
+            to_float(Fraction(end) * scale, got)
         try:
             return np.fromiter((n * p / q for n in self.numerators), float, len(self.numerators))
         except OverflowError:  # inside a list that does not increase
@@ -64,20 +64,37 @@ def parse_axis(parameter: Parameter, text: object) -> Axis:
     STOP is included; a STOP off the step is an error. Values are formed exactly and rounded once, in
     the coordinate's unit (`Parameter.shown_unit`, or the unit the user wrote). Raises ValueError.
     """
-    example = _axis_example(parameter)
     got = given(text)
     if not isinstance(text, str):
-        raise ValueError(f'an axis is text such as "{example}" {got}')
-    body = text.strip()
-    spacing = body[:3] if body[:4] in ("lin:", "log:") else ""
-    parts = body[4:].split(":") if spacing else body.split(":" if ":" in body else ",")
-    if ":" in body and len(parts) != 3:
-        form = f"{spacing}:START:STOP:COUNT UNIT" if spacing else "START:STOP:STEP UNIT"
-        raise ValueError(f'an axis of the form "{form}" has three numbers, such as "{example}" {got}')
-    if len(parts) > LARGEST_AXIS:
-        raise _too_many(Decimal(len(parts)), got)
-    if re.search(r"\d,\d", body) and re.search(r"\d,[ \t]", body):  # "0,5, 1 MN/m" would be 0, 5 and 1
-        raise ValueError(f"a decimal comma? write a point, or a blank after every comma {got}")
+        raise ValueError(f'an axis is text such as "{_axis_example(parameter)}" {got}')
+    written = _read(parameter, text.strip(), got)
+    factor = user_factor(parameter, written.unit or parameter.unit, got)
+    shown = parameter.shown_unit or written.unit or parameter.unit
+    exact = _exact_values(written, got)
+    end = [math.inf] if written.rigid else []
+    ratios = (factor / unit_factor(shown)[0], factor)
+    values, si = (np.append(exact.times(r, got) if exact.numerators else np.empty(0), end) for r in ratios)
+    _check_increasing(values, si, got)
+    for value in (*si[:2], *si[-2:]):  # they increase; the first may be 0 and the last inf
+        check_bounds(parameter, float(value), got)
+    return Axis(parameter.name, values, shown, si, text.strip())
+
+
+@dataclass(frozen=True)
+class _Written:
+    """An axis as it is written: its form, "lin", "log", "step" or "list", its finite numbers, its unit ("" if it has
+    none, and needs none), and whether the rigid joint, inf, ends the list."""
+
+    form: str
+    numbers: list[Decimal]
+    unit: str
+    rigid: bool
+
+
+def _read(parameter: Parameter, body: str, got: str) -> _Written:
+    """The numbers and the unit of an axis. Raises ValueError for what cannot be read."""
+    example = _axis_example(parameter)
+    form, parts = _parts(body, example, got)
     numbers = []
     unit = ""
     for place, part in enumerate(parts):
@@ -85,31 +102,43 @@ def parse_axis(parameter: Parameter, text: object) -> Axis:
         if unit and place < len(parts) - 1:
             raise ValueError(f'one unit, at the end, such as "{example}" {got}')
         numbers.append(number)
-    rigid = numbers[-1] == Decimal("inf") and ":" not in body
+    rigid = form == "list" and numbers[-1] == Decimal("inf")
     finite = numbers[:-1] if rigid else numbers
     if not all(n.is_finite() for n in finite):
         raise ValueError(f"inf can only end a list of values {got}")
     if not unit and finite:
         raise ValueError(f'a unit is missing at the end: write it as in "{example}" {got}')
-    unit = unit or parameter.unit
-    factor = _factor(parameter, unit, got)
-    shown = parameter.shown_unit or unit
-    if spacing:
-        exact = _spaced(spacing, numbers, got)
-    elif ":" in body:
-        exact = _stepped(numbers, got)
-    else:
-        exact = _exactly([Fraction(n) for n in finite])
-    end = [math.inf] if rigid else []
-    ratios = (factor / unit_factor(shown)[0], factor)
-    values, si = (np.append(exact.times(r, got) if finite else np.empty(0), end) for r in ratios)
+    return _Written(form, finite, unit, rigid)
+
+
+def _parts(body: str, example: str, got: str) -> tuple[str, list[str]]:
+    """The form of an axis (see `_Written`) and the texts of its numbers."""
+    form = body[:3] if body[:4] in ("lin:", "log:") else "step" if ":" in body else "list"
+    parts = body[4:].split(":") if form in ("lin", "log") else body.split(":" if form == "step" else ",")
+    if form != "list" and len(parts) != 3:
+        right = "START:STOP:STEP UNIT" if form == "step" else f"{form}:START:STOP:COUNT UNIT"
+        raise ValueError(f'an axis of the form "{right}" has three numbers, such as "{example}" {got}')
+    if len(parts) > LARGEST_AXIS:
+        raise _too_many(Decimal(len(parts)), got)
+    if re.search(r"\d,\d", body) and re.search(r"\d,[ \t]", body):  # "0,5, 1 MN/m" would be 0, 5 and 1
+        raise ValueError(f"a decimal comma? write a point, or a blank after every comma {got}")
+    return form, parts
+
+
+def _exact_values(written: _Written, got: str) -> _Values:
+    if written.form == "list":
+        return _exactly([Fraction(n) for n in written.numbers])
+    if written.form == "step":
+        return _stepped(written.numbers, got)
+    return _spaced(written.form, written.numbers, got)
+
+
+def _check_increasing(values: NDArray[np.float64], si: NDArray[np.float64], got: str) -> None:
+    """Raise ValueError unless values, in either unit, strictly increase."""
     for array in (values, si):
         if np.any(array[1:] <= array[:-1]):
             at = int(np.argmax(array[1:] <= array[:-1]))
             raise ValueError(f"values must strictly increase, {values[at + 1]:g} follows {values[at]:g} {got}")
-    for value in (*si[:2], *si[-2:]):  # they increase; the first may be 0 and the last inf
-        _check(parameter, float(value), got)
-    return Axis(parameter.name, values, shown, si, body)
 
 
 def _axis_example(parameter: Parameter) -> str:

@@ -147,47 +147,67 @@ def build_case(
         """The place that a message names: the option that set a key, or the file's own table and key."""
         return origins.get(at, f"{file}: [{at[0]}].{at[1]}" if len(at) > 1 else f"{file}: {at[0]}")
 
-    checked = None
+    read = _read(tables, file, where)
+    problems += [*read.problems, *cross_checks(tables, file, where)]
+    problems += _geometry_problems(read.quantities, read.axes, where)
+    problems += _size_problems((*read.axes, *([read.frequency] if read.frequency else ())), where)
+    if not (settings or over or stray_points):
+        masses = read.checked.vehicle.masses if read.checked else "half"
+        problems += _point_problems(read.points, _scalars(read.quantities, masses), read.axes, file)
+    if read.checked is None or problems:
+        raise InputError(*dict.fromkeys(problems))
+    warned = (*_millinewtons(read.quantities, read.axes, where), *_soft_joints(read.quantities, read.axes, where))
+    for line in warned:
+        warnings.warn(line, FreqrailWarning, stacklevel=3)
+    return Case(
+        name=name,
+        title=read.checked.title,
+        reference=read.checked.reference,
+        masses=read.checked.vehicle.masses,
+        quantities=read.quantities,
+        spectrum=_spectrum(read.checked.track),
+        band=_band(read.checked.band),
+        axes=read.axes,
+        frequency=read.frequency,
+        points=tuple(read.points.values()),
+        accepted=read.checked.accepted,
+        warnings=warned,
+        text=text,
+        effective=to_toml(tables),
+    )
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What the tables of a file hold. checked: the validated model, None if something is wrong with them.
+
+    points: those to confirm, by their number in the file. problems: what is wrong, a line each.
+    """
+
+    checked: Any
+    quantities: dict[str, Quantity]
+    axes: tuple[Axis, ...]
+    frequency: Axis | None
+    points: dict[int, dict[str, Quantity]]
+    problems: list[str]
+
+
+def _read(tables: dict[str, Any], file: str, where: Callable[..., str]) -> _Read:
+    """Validate the tables of a file; of a faulty one, what can be read all the same, so that every fault of it is told
+    at once."""
+    checked, problems = None, []
     try:
         checked = model().model_validate(tables)
         quantities = {k: v for part in (checked.vehicle, checked.operation) for k, v in part if isinstance(v, Quantity)}
         sweep = {key: getattr(checked.sweep, key) for key in tables.get("sweep", {})}
         points = dict(enumerate(checked.confirm.points, start=1))
     except ValidationError as fault:
-        problems += [line for error in fault.errors() for line in problems_of(error, file, where)]
-        # what can be read is still checked, so that every fault of a file is told at once
+        problems = [line for error in fault.errors() for line in problems_of(error, file, where)]
         quantities = {k: v for t in ("vehicle", "operation") for k, v in readable(parse_quantity, tables, t).items()}
         sweep = readable(parse_axis, tables, "sweep")
         points = readable_points(tables, {*_scalars(quantities, "half")} - {*keys(tables, "sweep")} | {*sweep})
     frequency = sweep.pop("frequency", None)
-    axes = tuple(sweep.values())
-    problems += cross_checks(tables, file, where)
-    problems += _geometry_problems(quantities, axes, where)
-    problems += _size_problems((*axes, *([frequency] if frequency else ())), where)
-    if not (settings or over or stray_points):
-        masses = checked.vehicle.masses if checked else "half"
-        problems += _point_problems(points, _scalars(quantities, masses), axes, file)
-    if checked is None or problems:
-        raise InputError(*dict.fromkeys(problems))
-    warned = (*_millinewtons(quantities, axes, where), *_soft_joints(quantities, axes, where))
-    for line in warned:
-        warnings.warn(line, FreqrailWarning, stacklevel=3)
-    return Case(
-        name=name,
-        title=checked.title,
-        reference=checked.reference,
-        masses=checked.vehicle.masses,
-        quantities=quantities,
-        spectrum=_spectrum(checked.track),
-        band=_band(checked.band),
-        axes=axes,
-        frequency=frequency,
-        points=tuple(points.values()),
-        accepted=checked.accepted,
-        warnings=warned,
-        text=text,
-        effective=to_toml(tables),
-    )
+    return _Read(checked, quantities, tuple(sweep.values()), frequency, points, problems)
 
 
 def _share(name: str, masses: str) -> float:

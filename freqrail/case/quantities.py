@@ -154,14 +154,14 @@ def split_number(text: str, example: str, got: str) -> tuple[Decimal, str]:
     return number, match[2]
 
 
-def _float(exact: Fraction, got: str) -> float:
+def to_float(exact: Fraction, got: str) -> float:
     """A rational as the nearest float; refused where a float cannot come near, so that none turns inf or 0."""
     if exact != 0 and not sys.float_info.min <= abs(exact) <= sys.float_info.max:
         raise ValueError(f"a number beyond what double precision holds {got}")
     return float(exact)
 
 
-def _factor(parameter: Parameter, unit: str, got: str) -> Fraction:
+def user_factor(parameter: Parameter, unit: str, got: str) -> Fraction:
     """Exact factor of the user's unit, after checking that it is there and of the right dimension."""
     if not unit:
         raise ValueError(f'a unit is missing: write it as in "{parameter.example}" {got}')
@@ -176,7 +176,7 @@ def _factor(parameter: Parameter, unit: str, got: str) -> Fraction:
     return factor
 
 
-def _check(parameter: Parameter, value: float, got: str) -> None:
+def check_bounds(parameter: Parameter, value: float, got: str) -> None:
     """Raise ValueError if a value is outside the parameter's bounds."""
     if math.isinf(value):
         if parameter.infinite and value > 0:
@@ -224,10 +224,10 @@ def parse_quantity(parameter: Parameter, text: object) -> Quantity:
     if number.is_infinite():
         value = float(number)
         if unit:  # "inf" needs none
-            _factor(parameter, unit, got)
+            user_factor(parameter, unit, got)
     else:
-        value = _float(Fraction(number) * _factor(parameter, unit, got), got)
-    _check(parameter, value, got)
+        value = to_float(Fraction(number) * user_factor(parameter, unit, got), got)
+    check_bounds(parameter, value, got)
     return Quantity(value, text.strip())
 
 

@@ -23,7 +23,6 @@ from freqrail.cli import completion
 from freqrail.cli.process import check_memory_limit, is_out_of_memory, prepare_matplotlib, take_over
 from freqrail.cli.terminal import guarded, program, progress, report, tell
 from freqrail.errors import FreqrailWarning, InputError, NumericalError
-from freqrail.figures import plot as figures_plot
 from freqrail.text import counted
 from freqrail.version import __version__
 
@@ -122,81 +121,58 @@ def sweep(
     if "frequency" in over_by_name and not psd:
         raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
     from freqrail.case.case import load_case
-    from freqrail.model.band import band_text
+    from freqrail.cli import reports
     from freqrail.result.netcdf import check_target
     from freqrail.solver.solve import processors
     from freqrail.sweep import plausibility
-    from freqrail.sweep.journal import journal_path
     from freqrail.sweep.plan import Plan
-    from freqrail.sweep.sweep import local, sweep_to_file
-    from freqrail.text import number, shown_bytes
 
-    if dask is not None and jobs:
-        raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
-    if dask is not None:
-        from freqrail.sweep import cluster
-
-        executor = cluster.executor(dask)
-    else:
-        executor = local(jobs)
-    loaded = load_case(case, settings_by_name, over_by_name)
-    plan = Plan.of(loaded, responses, psd)
-    wanted = Path("results", f"{loaded.name}.nc") if output is None else output
+    executor = _executor(jobs, dask)
+    plan = Plan.of(load_case(case, settings_by_name, over_by_name), responses, psd)
+    wanted = Path("results", f"{plan.layout.case.name}.nc") if output is None else output
     target = check_target(wanted, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
-    grid = " x ".join(f"{axis.name} {axis.values.size}" for axis in loaded.axes) or "a single point"
-    facts = {"case": loaded.name, "grid": grid, "points": plan.points, "responses": list(plan.layout.names)}
-    facts["vehicle"] = plausibility.vitals(loaded)
     if dry_run:
-        plausibility.warn(loaded)
-        jobs = jobs or processors()
-        seconds = plan.seconds(jobs)
-        facts |= {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
-        report(
-            facts,
-            as_json,
-            f"{counted(plan.points, 'grid point')} ({grid}), both models",
-            plausibility.vitals_text(loaded),
-            f"{target}: {shown_bytes(plan.stored_bytes)}, about {number(seconds, 2)} s on {counted(jobs, 'thread')}",
-            "dry run: nothing computed, nothing written",
-            *([f"{target}: exists already; --overwrite replaces it"] if target.exists() and not overwrite else []),
-        )
+        plausibility.warn(plan.layout.case)
+        facts, lines = reports.dry_run(plan, target, jobs or processors(), overwrite)
+        report(facts, as_json, *lines)
         return
     if output is None:
         target.parent.mkdir(exist_ok=True)
     start = time.perf_counter()
+    outcome = _swept(plan, target, overwrite, resume, executor)
+    facts, lines = reports.outcome(plan, outcome, time.perf_counter() - start, resume)
+    report(facts, as_json, *lines)
+    if outcome.failures:
+        raise NumericalError(*(f"{target}: {line}" for line in outcome.failures))
+
+
+def _executor(jobs: int | None, dask: str | None) -> Any:
+    """What computes the parts of a sweep: threads of this process, or a cluster."""
+    from freqrail.sweep.sweep import local
+
+    if dask is None:
+        return local(jobs)
+    if jobs:
+        raise InputError("--jobs: the workers of --dask have their own number of threads; give one of the two")
+    from freqrail.sweep import cluster
+
+    return cluster.executor(dask)
+
+
+def _swept(plan: Any, target: Path, overwrite: bool, resume: bool, executor: Any) -> Any:
+    """Sweep into a file; an interruption says how to go on."""
+    from freqrail.cli import reports
+    from freqrail.sweep.journal import journal_path
+    from freqrail.sweep.sweep import sweep_to_file
+
     try:
         with progress("sweep", plan.work) as advance:
-            outcome = sweep_to_file(plan, target, overwrite, resume, executor, advance)
+            return sweep_to_file(plan, target, overwrite, resume, executor, advance)
     except (KeyboardInterrupt, MemoryError, RuntimeError) as stop:
         if journal_path(target).exists() and (isinstance(stop, KeyboardInterrupt) or is_out_of_memory(stop)):
-            given = click.get_current_context().obj
-            again = shlex.join([*given, *(["--resume"] if "--resume" not in given else [])])
-            tell(f"freqrail: finished blocks are kept; to go on: {program()} {again}")
+            again = reports.again(click.get_current_context().obj)
+            tell(f"freqrail: finished blocks are kept; to go on: {again}")
         raise
-    elapsed = time.perf_counter() - start
-    failures = list(outcome.failures)
-    next_step = "show" if plan.points == 1 or math.isnan(outcome.largest_error) else "plot"
-    error = outcome.largest_error
-    warned = plausibility.recalled({"warnings": outcome.warnings})
-    facts |= {"output": str(target), "seconds": elapsed, "largest_relative_error": error, "failures": failures}
-    facts["warnings"] = warned
-    taken_over = f", {counted(outcome.resumed, 'block')} taken over" if resume else ""
-    accuracy = f"largest estimated error {error:.1e} (relative, numerical only)"
-    if math.isnan(error):
-        accuracy = "no number has an error estimate"
-    report(
-        facts,
-        as_json,
-        f"{counted(plan.points, 'grid point')} ({grid}), {counted(len(plan.layout.names), 'response')}, "
-        "with joints and traditional",
-        plausibility.vitals_text(loaded),
-        *filter(None, [plausibility.accepted_text(warned)]),
-        f"band {band_text(loaded.band)}; {accuracy}",
-        f"written: {target} ({shown_bytes(target.stat().st_size)}, {number(elapsed, 2)} s{taken_over})",
-        f"next: {program()} {next_step} {shlex.quote(str(target))}",
-    )
-    if failures:
-        raise NumericalError(*(f"{target}: {line}" for line in failures))
 
 
 @cli.command()
@@ -291,17 +267,17 @@ def confirm(
 def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
     """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
     prepare_matplotlib()
-    pass
+    from freqrail.figures import plot as figures
     from freqrail.result.points import read_result
 
     point = _one_point(at)
     dataset = read_result(result)
     _repeat_warnings(dataset)
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
-    with progress("figures", figures_plot.figure_count(dataset, point)) as advance:
-        paths = figures_plot.plot(dataset, folder, file_format, point, advance)
+    with progress("figures", figures.figure_count(dataset, point)) as advance:
+        paths = figures.plot(dataset, folder, file_format, point, advance)
     click.echo("\n".join(map(str, paths)))
-    for line in filter(None, [figures_plot.note(dataset, point), figures_plot.hint(dataset)]):
+    for line in filter(None, [figures.note(dataset, point), figures.hint(dataset)]):
         tell(f"freqrail: {line}")
 
 

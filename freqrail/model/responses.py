@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from freqrail.model.vehicle import CHAINS
+CHAINS = ("bounce", "pitch", "bogie_pitch")
+"""The half vehicle's families of motion, which exchange no energy if its legs are equal; see `reduction.chains`."""
 
 Labels = tuple[str, ...] | tuple[int, ...]
 

@@ -28,8 +28,6 @@ GRAVITY = 9.8
 DEGREES_OF_FREEDOM = ("z_c", "beta_c", "z_t1", "beta_t1", "z_w1", "z_w2", "z_t2", "beta_t2", "z_w3", "z_w4")
 """The order of q, as in the paper's state vector below eq. (9)."""
 
-CHAINS = ("bounce", "pitch", "bogie_pitch")
-
 
 @dataclass(frozen=True)
 class Vehicle:

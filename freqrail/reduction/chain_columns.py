@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.equations import leg_dynamic_stiffness
-from freqrail.model.responses import Response
+from freqrail.model.responses import CHAINS, Response
 from freqrail.model.spectrum import Spectrum, frequency_psd
-from freqrail.model.vehicle import CHAINS, Vehicle
+from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.chains import STAGES, ChainResponse, chain_responses, ladder
 from freqrail.types import Number
 

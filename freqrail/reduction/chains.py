@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.equations import Leg, System, leg_dynamic_stiffness, state_space
-from freqrail.model.vehicle import CHAINS, Vehicle
+from freqrail.model.responses import CHAINS
+from freqrail.model.vehicle import Vehicle
 from freqrail.types import Number
 
 

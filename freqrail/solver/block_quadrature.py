@@ -35,8 +35,8 @@ def mean_squares(
     """Mean squares of every output of a reduction for a grid of vehicles.
 
     values: by parameter, broadcasting to [grid...]; the wheels stand in one geometry, that of the nodes.
-    rounding_errors: relative, what rounding leaves, for all outputs or by name, see `panels.rounding_errors`. Returns {output: MeanSquare},
-    [labels, grid..., speeds].
+    rounding_errors: relative, what rounding leaves, for all outputs or by name, see `panels.rounding_errors`.
+    Returns {output: MeanSquare}, [labels, grid..., speeds].
 
     The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
     min(1, (CAUTION d)^1.5). d sums the differences of the columns without their signs, so that they cannot cancel.

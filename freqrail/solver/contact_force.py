@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.band import Band
-from freqrail.model.responses import RESPONSES
+from freqrail.model.responses import CHAINS, RESPONSES
 from freqrail.model.spectrum import Spectrum, angular_psd
-from freqrail.model.vehicle import CHAINS, Vehicle
+from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.chains import chain_responses, ladder, poles
 from freqrail.solver import quadrature
 from freqrail.solver.panels import own_edges

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from freqrail.case.case import Case, load_case
 from freqrail.errors import InputError
 from freqrail.model.equations import System, state_space
-from freqrail.model.vehicle import CHAINS, Vehicle
+from freqrail.model.responses import CHAINS
+from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.chains import chain_system
 from freqrail.solver.partial_fractions import expand
 

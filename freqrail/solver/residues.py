@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.model.responses import RESPONSES, Response, chains_of
+from freqrail.model.responses import CHAINS, RESPONSES, Response, chains_of
 from freqrail.model.spectrum import RationalSpectrum, Spectrum
-from freqrail.model.vehicle import CHAINS, Vehicle
+from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.chain_columns import column_signs, cos_sin
 from freqrail.reduction.chains import descend
 from freqrail.solver.partial_fractions import EPSILON, LIGHT, Expansion, expand

@@ -19,8 +19,8 @@ from scipy.integrate import simpson
 from freqrail.model.band import Band
 from freqrail.model.equations import leg_dynamic_stiffness, state_space, system_response
 from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import RESPONSES
-from freqrail.model.vehicle import CHAINS, Vehicle, half_vehicle
+from freqrail.model.responses import CHAINS, RESPONSES
+from freqrail.model.vehicle import Vehicle, half_vehicle
 from freqrail.reduction.chain_columns import (
     LAG_COLUMNS,
     column_powers,

@@ -9,7 +9,8 @@ import pytest
 from mpmath import mp, mpf
 
 from freqrail.model.equations import state_space
-from freqrail.model.vehicle import CHAINS, Vehicle, half_vehicle
+from freqrail.model.responses import CHAINS
+from freqrail.model.vehicle import Vehicle, half_vehicle
 from freqrail.reduction.chains import chain_responses, poles
 from freqrail.solver import partial_fractions
 from freqrail.solver.partial_fractions import chain_poles, expand, own_resonances
