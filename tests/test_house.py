@@ -26,11 +26,15 @@ ONLY = {
 
 
 def imports(source: str) -> Iterator[tuple[str, str]]:
-    """(module, name) of everything of freqrail that a source imports, anywhere in it."""
+    """(module, name) of everything of freqrail that a source imports, anywhere in it, in the one form that is used."""
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "freqrail":
-            for alias in node.names:
-                yield str(node.module).removeprefix("freqrail").removeprefix("."), alias.name
+        if isinstance(node, ast.Import):
+            assert not [alias.name for alias in node.names if alias.name.split(".")[0] == "freqrail"]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            if str(node.module).split(".")[0] == "freqrail":
+                for alias in node.names:
+                    yield str(node.module).removeprefix("freqrail").removeprefix("."), alias.name
 
 
 def edges(folder: str) -> Iterator[tuple[str, str, str]]:
@@ -67,6 +71,22 @@ def test_the_listing_is_the_flow():
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_folder_imports_only_what_stands_before_it(folder):
     assert faults(folder, list(edges(folder))) == []
+
+
+def test_the_architecture_names_every_module():
+    text = (ROOT.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    missing = [
+        path.relative_to(ROOT).as_posix()
+        for path in ROOT.rglob("*.py")
+        if path.name != "__init__.py" and f"`{path.name}`" not in text.partition(f"### {path.parent.name}")[2]
+    ]
+    assert [name for name in missing if "/" in name] == []
+
+
+@pytest.mark.parametrize("line", ["import freqrail.solver.solve", "from . import x", "from ..solver import solve"])
+def test_another_form_of_import_is_refused(line):
+    with pytest.raises(AssertionError):
+        list(imports(line))
 
 
 def test_what_stands_beside_the_folders_imports_none_of_them():
