@@ -27,7 +27,7 @@ FOLDER = Path("results", studies.CASE)
 COMMAND = "replicate"
 
 _DATASETS: dict[str, Callable[[], xr.Dataset]] = {
-    "grid": studies.grid,
+    "grid": studies.paper_grid,
     "map": studies.joint_map,
     "spectra": studies.spectra,
     "track": studies.histories,

@@ -92,7 +92,7 @@ class Mechanism:
 
 
 def mechanism(exact: xr.Dataset, case: Case) -> Mechanism:
-    """The numbers, from the case's vehicle and the dataset of `studies.grid`."""
+    """The numbers, from the case's vehicle and the dataset of `studies.paper_grid`."""
     softest = float(exact[PRIMARY].min())
     return Mechanism(
         stiffening(exact, case),

@@ -49,7 +49,7 @@ def study_case() -> Case:
     return load_case(CASE)
 
 
-def grid(progress: Progress = lambda points: None) -> xr.Dataset:
+def paper_grid(progress: Progress = lambda points: None) -> xr.Dataset:
     """RMS over Table I for both joints and all speeds of section VI."""
     return sweep(CASE, progress=progress)
 

@@ -89,7 +89,7 @@ class Variation:
 
 
 def in_frequency(exact: xr.Dataset, case: Case, progress: Progress = lambda done: None) -> list[Variation]:
-    """The variations that need no time domain. exact: the dataset of `studies.grid`."""
+    """The variations that need no time domain. exact: the dataset of `studies.paper_grid`."""
     base = judge_all({"grid": exact})
     found: list[Variation] = []
 

@@ -18,7 +18,7 @@ from freqrail.replication.variations import Variation, beside_own_rigid, relabel
 @pytest.fixture(scope="module")
 def exact():
     """The exact grid of the paper's study."""
-    return studies.grid()
+    return studies.paper_grid()
 
 
 def finding(verdict: str) -> Finding:
