@@ -1,8 +1,8 @@
 """What a whole grid comes to beside what vehicles and tracks have: measured value, criterion, remedy.
 
 Whatever is measured is monotonic in each of the vehicle's numbers, so that the corners of the grid (both ends of every
-axis) hold its smallest and largest value. Only the wheel-rail force is not: it is computed at a few corners
-and at the fastest speed, where it is largest but for the lags.
+axis) hold its smallest and largest value. Only the wheel-rail force is not: it is computed at a few corners, which
+hold both ends of every axis, and at the fastest speed, where it is largest but for the lags.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from freqrail.quantities import Axis
 from freqrail.track import Band, band_limits, standard_deviation
 from freqrail.vehicle import Vehicle, static_wheel_load
 
-FORCES = 16  # corners, at most, at which the wheel-rail force is computed
+FORCES = 16  # corners, at most, at which the wheel-rail force is computed, beside the worst that they point to
 LIKELY = (0.1, 100.0)  # Hz: the band that is advised where nothing speaks against it
 
 Number = Any
@@ -311,16 +311,46 @@ def _wheel_force(case: Case) -> Concern | None:
     vehicle, speed = case.vehicles(), float(case.speeds().max())
     load = np.broadcast_to(_load(vehicle), vehicle.shape)
     values = np.full(vehicle.shape, np.nan)
-    everywhere = list(np.ndindex(vehicle.shape))
     forces: dict[Vehicle, float] = {}  # the same rigid joints stand for many
-    for index in everywhere[:: -(-len(everywhere) // FORCES)]:
+
+    def compute(index: tuple[int, ...]) -> None:
         both = (vehicle.at(index), vehicle.at(index).traditional())
         for one in both:
             if one not in forces:
                 with np.errstate(all="ignore"):
                     forces[one] = float(contact_force_rms(one, case.spectrum, speed, case.band).max())
         values[index] = max(forces[one] for one in both) / load[index]
+
+    for index in _some_corners(vehicle.shape):
+        compute(index)
+    worst = _worst_corner(values)
+    if np.isnan(values[worst]):
+        compute(worst)
     return _judged(case, "wheel_force", values)
+
+
+def _some_corners(shape: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """All corners of a grid of so many ends an axis, or FORCES of them: both ends of every axis half of the time each,
+    the four pairs of ends of any two axes a quarter of it (two-level orthogonal array, for up to 15 axes of two ends).
+    """
+    axes = [axis for axis, ends in enumerate(shape) if ends > 1]
+    if 2 ** len(axes) <= FORCES:
+        return list(np.ndindex(shape))
+    # an axis's end is the parity of some bits of the run's number: other bits for every axis, odd numbers of them first
+    masks = sorted(range(1, FORCES), key=lambda mask: (mask.bit_count() % 2 == 0, mask.bit_count()))
+    bits = dict(zip(axes, masks, strict=False))
+    return [tuple((run & bits.get(axis, 0)).bit_count() % 2 for axis in range(len(shape))) for run in range(FORCES)]
+
+
+def _worst_corner(values: NDArray[np.float64]) -> tuple[int, ...]:
+    """The corner at which each axis has the end with the larger mean of what is known of `values`."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # the mean of nothing
+        means = [
+            np.nan_to_num(np.nanmean(np.moveaxis(values, axis, 0).reshape(ends, -1), axis=1), nan=-np.inf)
+            for axis, ends in enumerate(values.shape)
+        ]
+    return tuple(int(np.argmax(mean)) for mean in means)
 
 
 # --- in words, and in a file -----------------------------------------------------------------------

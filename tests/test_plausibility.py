@@ -20,6 +20,7 @@ from freqrail.contact import contact_force, contact_force_rms
 from freqrail.criteria import CRITERIA
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.modal import modes
+from freqrail.names import SWEEPABLE
 from freqrail.response import system_response
 from freqrail.track import Band, RationalSpectrum
 from freqrail.vehicle import half_vehicle, static_wheel_load
@@ -183,7 +184,55 @@ def test_a_grid_with_many_axes_is_judged_by_some_of_its_corners(monkeypatch):
     computed = []
     monkeypatch.setattr(plausibility, "contact_force_rms", lambda *arguments: computed.append(arguments) or np.ones(4))
     assert plausibility.concerns(case) == ()
-    assert len(computed) == 2 * plausibility.FORCES
+    assert len({one for one, *_ in computed}) == len(computed)
+    assert 2 * plausibility.FORCES <= len(computed) <= 2 * (plausibility.FORCES + 1)
+    assert len(case.axes) == 11
+    for name in over:  # the one whose joints are as given
+        ends = [getattr(one, name) for one, *_ in computed[: 2 * plausibility.FORCES : 2]]
+        low, high = sorted(set(ends))
+        assert high / low == pytest.approx(1.01 / 0.99)
+        assert ends.count(low) == ends.count(high) == plausibility.FORCES / 2
+
+
+@pytest.mark.parametrize("axes", range(16))
+def test_some_corners_hold_both_ends_of_every_axis_and_all_pairs_of_ends_of_two(axes):
+    shape = (1, *(2,) * axes, 1)
+    chosen = np.array(plausibility._some_corners(shape))
+    assert len(np.unique(chosen, axis=0)) == len(chosen) == min(2**axes, plausibility.FORCES)
+    for one in range(1, axes + 1):
+        assert set(chosen[:, one]) == {0, 1}
+        for other in range(1, one):
+            assert len(np.unique(chosen[:, [one, other]], axis=0)) == 4
+    assert len(SWEEPABLE) - 2 <= 15  # without the speed, and the contact given in one way only
+
+
+@pytest.mark.parametrize("more", [{}, {"secondary_stiffness": "400, 420 kN/m", "car_body_mass": "15000, 15400 kg"}])
+@pytest.mark.parametrize("before", [True, False])
+def test_contact_lost_at_one_end_of_an_axis_is_told_wherever_the_axis_stands(more, before):
+    """Wheelsets of 1.2 t lift, of 0.5 t not: every second of 32 corners in order has the last axis at one end only."""
+    wheelsets = {"wheelset_mass": "500, 1200 kg"}
+    over = {**more, **wheelsets} if before else {**wheelsets, **more}
+    case = load_case(CASE, {"spectrum": "german-high", "frequency": "0.5:100 Hz"}, {**over, "speed": "300, 310 km/h"})
+    force = told(case)["wheel_force"]
+    assert "wheelset_mass=1200 kg" in force.text
+    assert force.measured == pytest.approx((0.194, 0.458) if not more else (0.192, 0.464), abs=2e-3)
+
+
+def test_the_worst_corner_is_that_which_a_few_corners_point_to(monkeypatch):
+    """A force that grows with some axes and falls with others: its largest value lies at one corner of 2048."""
+    over = {name: f"{0.9 * v!r}, {v!r} {UNITS[name]}" for name, v in half(FLEET["Velaro E"]).items()}
+    case = build_case(case_text(half(FLEET["Velaro E"])), over=over)
+    signs = {name: 1 if place % 3 else -1 for place, name in enumerate(over)}
+
+    def force(vehicle, *_):
+        logarithm = sum(sign * np.log(getattr(vehicle, name)) for name, sign in signs.items())
+        own = sum(sign * np.log(getattr(case.vehicle, name)) for name, sign in signs.items())
+        load = static_wheel_load(vehicle.car_body_mass, vehicle.bogie_mass, vehicle.wheelset_mass)
+        return np.full(4, load * np.exp(logarithm - own))
+
+    monkeypatch.setattr(plausibility, "contact_force_rms", force)
+    (found,) = (c for c in plausibility.concerns(case) if c.name == "wheel_force")
+    assert found.measured[1] == pytest.approx(0.9 ** -list(signs.values()).count(-1))
 
 
 # --- the wheel-rail force --------------------------------------------------------------------------
