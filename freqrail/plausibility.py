@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from freqrail.case import Case
 from freqrail.contact import contact_force_rms
-from freqrail.criteria import CRITERIA
+from freqrail.criteria import CRITERIA, Criterion
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.modal import modes
 from freqrail.quantities import Axis
@@ -161,9 +161,26 @@ def _judged(case: Case, name: str, values: NDArray[np.float64], remedy: str = ""
     text += f" (usual: {_range(criterion.usual, criterion.unit)})"
     accepted = name in case.accepted and _inside((low, high), case.accepted[name])
     if not accepted:
-        accepting = json.dumps(_accepting((low, high), criterion.usual)).replace("Infinity", "inf")
-        text += f"; {remedy or criterion.remedy}; or accept it: [accepted] {name} = {accepting}"
+        text = "; ".join([text, remedy or criterion.remedy, *_right_or_wrong(case, criterion, low, high)])
+        if high <= criterion.acceptable:
+            accepting = json.dumps(_accepting((low, high), criterion.usual)).replace("Infinity", "inf")
+            text += f"; or accept it: [accepted] {name} = {accepting}"
     return Concern(name, (low, high), criterion.usual, accepted, text)
+
+
+def _right_or_wrong(case: Case, criterion: Criterion, low: float, high: float) -> list[str]:
+    """What else may be wrong with a case below or above a range, and what may be right."""
+    below, above = low < criterion.usual[0], high > criterion.usual[1]
+    sides = {
+        "half": above and 'if masses, springs and dampers of both sides are given, say so: --set "masses=whole"',
+        "whole": below and 'if masses, springs and dampers of one side are given, say so: --set "masses=half"',
+    }
+    words = [
+        criterion.sides and sides[case.masses],
+        below and criterion.right_below,
+        above and criterion.right_above,
+    ]
+    return [text for text in words if text]
 
 
 def _inside(measured: tuple[float, float], limits: tuple[float, float]) -> bool:

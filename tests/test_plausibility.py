@@ -24,7 +24,7 @@ from freqrail.names import SWEEPABLE
 from freqrail.response import system_response
 from freqrail.track import Band, RationalSpectrum
 from freqrail.vehicle import half_vehicle, static_wheel_load
-from tests.fleet import FLEET, LENGTHS, PAPER, UNITS, case_text, half
+from tests.fleet import FLEET, LENGTHS, PAPER, TYPICAL, UNITS, case_text, half
 from tests.helpers import INDEX, all_poles, density, lagged, lags, random_vehicles, reference_nodes
 
 CASE = "yu-damper-joint"
@@ -85,6 +85,43 @@ def test_no_published_vehicle_is_warned_of(vehicle):
     assert plausibility.concerns(build_case(case_text(half(FLEET[vehicle])))) == ()
     fast = replace(whole, band=Band("frequency", 0.1, 100), accepted={"wavelengths": (0.1, 1000)})
     assert [c.name for c in plausibility.concerns(fast) if not c.accepted] == []
+
+
+ONE_STAGE = dict.fromkeys(
+    ("bogie_bounce", "primary_over_secondary"), "one stage of springs (Y25 and other freight wagons)"
+)
+MOTORS = {"wheelset": "wheelsets that carry nose-suspended motors are heavier"}
+RIGHT: dict[str, dict[str, str]] = {
+    "tram": {},
+    "locomotive": MOTORS,
+    "Y25 wagon, laden": ONE_STAGE,
+    "Y25 wagon, empty": {**dict.fromkeys(("car_bounce", "car_pitch"), "most of all empty ones"), **ONE_STAGE},
+}
+"""What is warned of in right vehicles of other kinds, and what the warning says for them."""
+
+
+@pytest.mark.parametrize("vehicle", TYPICAL)
+@pytest.mark.parametrize("masses", ["half", "whole"])
+def test_a_right_vehicle_that_is_warned_of_is_named_and_is_not_advised_what_it_says(vehicle, masses):
+    numbers = TYPICAL[vehicle]
+    found = told(build_case(case_text(numbers if masses == "whole" else half(numbers), masses)))
+    assert found.keys() == RIGHT[vehicle].keys()
+    for name, concern in found.items():
+        assert RIGHT[vehicle][name] in concern.text
+        assert f"masses={masses}" not in concern.text
+        assert f"; or accept it: [accepted] {name} = [" in concern.text
+
+
+def test_masses_of_the_other_kind_are_what_a_warning_advises():
+    """Both sides given for one are too heavy, one for both too light; what is too heavy as a whole is neither."""
+    for masses, factor, advice in (
+        ("half", 4.0, {"masses=whole"}),
+        ("whole", 0.1, {"masses=half"}),
+        ("whole", 4.0, set()),
+        ("half", 0.1, set()),
+    ):
+        case = build_case(case_text({**FLEET["Velaro E"], "wheelset_mass": factor * 1800}, masses))
+        assert set(re.findall(r"masses=\w+", told(case)["wheelset"].text)) == advice
 
 
 @pytest.mark.parametrize("slip", SLIPS)
@@ -267,8 +304,10 @@ def test_contact_lost_is_told_and_a_train_that_keeps_it_is_not(paper_case):
     assert "wheel_force" not in told(paper_case)
     whole = told(load_case(CASE, {"band": "none"}))["wheel_force"]
     assert whole.measured[1] > 100  # the wheelsets ring on the rigid rail
+    assert "accept" not in whole.text  # more than the load itself
     rough = replace(paper_case, spectrum=RationalSpectrum("rational", 4e-6, (0.0206, 0.8246)))
     force = told(rough)["wheel_force"].measured[1]
+    assert "or accept it: [accepted] wheel_force = [0.0, " in told(rough)["wheel_force"].text
     one, speed = paper_case.vehicles().at((0, 0)), float(paper_case.speeds().max())
     load = static_wheel_load(one.car_body_mass, one.bogie_mass, one.wheelset_mass)
     assert force >= contact_force_rms(one, rough.spectrum, speed, rough.band).max() / load > 1 / 3
