@@ -39,6 +39,7 @@ HEADINGS = {
     "whole_axis_differs": "whole axis",
     "result_differs": "result",
     "kernel_percent": "by the kernel check %",
+    "solver_percent": "by the solver check %",
     "simulation_percent": "by the simulation %",
 }
 """Keys of records whose column is not headed by the key with blanks for underscores."""
@@ -50,6 +51,7 @@ DIGITS = {
     "whole_axis_differs": 2,
     "result_differs": 2,
     "kernel_percent": 2,
+    "solver_percent": 2,
     "simulation_percent": 2,
 }
 """Keys of records whose numbers are shown with other than four digits."""
@@ -345,6 +347,7 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
         "",
         "smallest fault of an RMS that this run would have seen, over its points and models",
         table(power),
+        findings.POWER,
         "",
     ]
     total = findings.count_of_checks(dataset)

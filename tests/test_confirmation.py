@@ -281,6 +281,7 @@ def test_the_power_is_told_for_each_response_and_check(confirmed):
     rows = {row["response"]: row for row in findings.power(confirmed)}
     assert len(rows) == 4
     assert all(row["kernel_percent"] < 0.1 for row in rows.values())
+    assert all(row["solver_percent"] == pytest.approx(2e-3) for row in rows.values())
     assert 1 < rows["bogie frame vertical acceleration"]["simulation_percent"] < 20
 
 
