@@ -278,7 +278,8 @@ def _resonance_text(case: Case, ratio: float, resonance: float, index: tuple[int
     if case.band is None:
         reach = "is the whole axis: all wavelengths, whatever the spectrum is good for, and"
     else:
-        reach = f"ends at {_highest(case, case.band):.4g} Hz, {ratio:.2g} times"
+        times = f"{ratio:.2g} times"
+        reach = f"ends at {_highest(case, case.band):.4g} Hz, {'about at' if times == '1 times' else times}"
     return (
         f"the band {reach} the wheelsets' resonance on the rigid rail, {resonance:.3g} Hz{damping}{at}, "
         "which no real track has"

@@ -377,8 +377,10 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
 
 def _shared_text(shared: Record) -> str:
     """What both sides of a confirmation share at a point, as a line of text."""
-    lags = ", ".join(number(1e3 * lag) for lag in shared["lags_s"])
-    simulated = ", ".join(number(1e3 * lag) for lag in shared["simulated_lags_s"])
+    # to a picosecond: what lies below is rounding
+    lags, simulated = (
+        ", ".join(number(round(1e3 * lag, 9)) for lag in shared[name]) for name in ("lags_s", "simulated_lags_s")
+    )
     track = "; ".join(
         f"{row['range']} {number(row['simulated_mm'], 5)} mm simulated, {number(row['mm'], 5)} mm by the spectrum"
         for row in shared["track"]

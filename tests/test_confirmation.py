@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import freqrail
-from freqrail import confirmation_figures, figures, findings, runs, summary, timedomain
+from freqrail import confirmation_figures, figures, findings, realisation, runs, summary, timedomain, verdicts
 from freqrail.case import build_case
 from freqrail.cli import run as command
 from freqrail.confirmation import carry_out
@@ -283,6 +284,36 @@ def test_the_power_is_told_for_each_response_and_check(confirmed):
     assert all(row["kernel_percent"] < 0.1 for row in rows.values())
     assert all(row["solver_percent"] == pytest.approx(2e-3) for row in rows.values())
     assert 1 < rows["bogie frame vertical acceleration"]["simulation_percent"] < 20
+
+
+def test_what_the_manual_says_of_the_default_run_s_intervals():
+    """Half of the interval that decides hangs on the lines' power alone, not on the records."""
+    text = (Path(__file__).parents[1] / "docs" / "confirming.md").read_text()
+    run = plan_run(freqrail.sweep("yu-damper-joint"))
+    degrees = []
+    for point, plan in zip(run.points, run.plans, strict=True):
+        lines = realisation.spectral_lines(point.spectrum, point.speed, plan.limits, plan.period)
+        power = timedomain.line_power(point, plan.names, lines.frequency)
+        degrees.append(verdicts.degrees_of_freedom(power, lines, plan.realisations))
+    checks = np.size(degrees)
+    low, high = verdicts.interval(np.ones(np.shape(degrees)), np.array(degrees), verdicts.simultaneous(checks))
+    told = []
+    for name in ("bogie_acceleration", "car_body_acceleration", "secondary_stroke"):
+        width = 50 * (high - low)[..., findings.series_of(timedomain.PAPER)[name]]
+        told.append(f"{width.min():.1f} to {width.max():.1f} %")
+    words = f"{told[0]} for the bogie, {told[1]} for the car body, {told[2]} for the secondary stroke"
+    assert f"with the defaults {words}" in " ".join(text.split())
+
+
+def test_a_lag_of_nothing_is_printed_as_0():
+    shared = {
+        "static_wheel_load_N": 1e4,
+        "contact_stiffness_N_per_m": 1e9,
+        "lags_s": [0.0, 0.02295],
+        "simulated_lags_s": [-4.4e-18, 0.02295],
+        "track": [],
+    }
+    assert "lags 0, 22.95 ms (on the track simulated 0, 22.95)" in summary._shared_text(shared)
 
 
 # --- before the run --------------------------------------------------------------------------------

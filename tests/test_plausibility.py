@@ -215,6 +215,15 @@ def test_a_band_that_is_advised_is_another_one_and_free_of_the_warning(settings,
         assert not {"wheelset_resonance", "wavelengths"} & told(better).keys()
 
 
+def test_a_band_that_ends_at_the_resonance_is_said_to():
+    for end, words in (
+        (194.6, "194.6 Hz, about at the wheelsets' resonance"),
+        (150, "150 Hz, 0.77 times the wheelsets'"),
+    ):
+        text = told(load_case(CASE, {"frequency": f"0.1:{end} Hz"}))["wheelset_resonance"].text
+        assert f"the band ends at {words}" in text
+
+
 def test_a_grid_with_many_axes_is_judged_by_some_of_its_corners(monkeypatch):
     over = {name: f"{0.99 * v!r}, {v!r}, {1.01 * v!r} {UNITS[name]}" for name, v in half(FLEET["Velaro E"]).items()}
     case = build_case(case_text(half(FLEET["Velaro E"])), over=over)
