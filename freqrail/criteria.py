@@ -34,12 +34,12 @@ class Criterion:
 _ONE_STAGE = "bogies with one stage of springs (Y25 and other freight wagons)"
 
 CRITERIA: dict[str, Criterion] = {
-    "axle_load": Criterion("axle load", "t", (2.0, 45.0), "check the masses' units", sides=True),
+    "axle_load": Criterion("axle load", "t", (3.0, 42.0), "check the masses' units", sides=True),
     "car_body": Criterion("mass of the whole car body", "t", (3.0, 160.0), "check its unit (kg, t)", sides=True),
     "wheelset": Criterion(
         "mass of a whole wheelset",
         "t",
-        (0.5, 2.5),
+        (0.5, 2.4),
         "check its unit (kg, t)",
         right_above="wheelsets that carry nose-suspended motors are heavier",
         sides=True,
@@ -72,7 +72,7 @@ CRITERIA: dict[str, Criterion] = {
     "car_bounce": Criterion(
         "natural frequency of the car's bounce",
         "Hz",
-        (0.4, 3.0),
+        (0.5, 3.0),
         "check the units of springs (N/m, kN/m) and masses",
         right_above=f"{_ONE_STAGE} have more, most of all empty ones",
     ),
@@ -86,7 +86,7 @@ CRITERIA: dict[str, Criterion] = {
     "bogie_bounce": Criterion(
         "natural frequency of the bogies' bounce",
         "Hz",
-        (3.0, 15.0),
+        (3.5, 15.0),
         "check the units of springs (N/m, kN/m) and masses",
         right_above=f"{_ONE_STAGE} have more: the centre bowl stands for the secondary spring",
     ),
@@ -108,6 +108,13 @@ CRITERIA: dict[str, Criterion] = {
         "",
         (0.01, 5.0),
         "check the unit of secondary_damping (N*s/m, kN*s/m); no damper at all is 0",
+    ),
+    "secondary_over_primary_damping": Criterion(
+        "damping of a bogie's secondary dampers over that of an axle's primary ones",
+        "",
+        (0.7, math.inf),
+        "are primary_damping (an axle's) and secondary_damping (a bogie's) exchanged?",
+        right_below="where air springs alone damp the second stage, less is usual",
     ),
     "contact": Criterion(
         "contact stiffness of a wheel and the rail", "GN/m", (0.3, 3.0), "check contact_constant or contact_stiffness"

@@ -70,6 +70,12 @@ def _damping_ratio(damping: Number, stiffness: Number, mass: Number) -> Number:
     return np.where(np.equal(damping, 0), np.nan, damping / (2 * np.sqrt(stiffness * mass)))
 
 
+def _ratio(secondary: Number, primary: Number) -> Number:
+    """Of two dampings; nan where there is no damper at one of the stages."""
+    none = np.equal(secondary, 0) | np.equal(primary, 0)
+    return np.where(none, np.nan, np.divide(secondary, np.where(none, 1.0, primary)))
+
+
 def _load(vehicle: Vehicle) -> Number:
     return static_wheel_load(vehicle.car_body_mass, vehicle.bogie_mass, vehicle.wheelset_mass)
 
@@ -97,6 +103,7 @@ MEASURES: Mapping[str, Callable[[Vehicle], Number]] = {
     "secondary_damping": lambda v: _damping_ratio(
         v.secondary_damping / 2, v.secondary_stiffness / 2, v.car_body_mass / 4
     ),
+    "secondary_over_primary_damping": lambda v: _ratio(v.secondary_damping, v.primary_damping),
     "contact": lambda v: 1e-9 * v.contact_stiffness,
 }
 """What is measured of a half vehicle, by criterion; fields may be arrays. Whole masses and distances."""
