@@ -42,6 +42,17 @@ PAPER = dict(zip(UNITS, (30.4e3, 2.038e6, 1200, 1400, 1400, 1.75e6, 34e3, 824e3,
 
 FLEET: dict[str, dict[str, float]] = {name: dict(zip(UNITS, row, strict=True)) for name, row in _ROWS.items()}
 
+_TYPICAL = {
+    "tram": (10e3, 160e3, 1800, 585, 900, 4e6, 25e3, 600e3, 40e3, 3.2, 0.95),
+    "locomotive": (50e3, 1.06e6, 9000, 10e3, 2900, 3e6, 60e3, 2.8e6, 100e3, 5.2, 1.4),
+    "Y25 wagon, laden": (80.6e3, 1.16e6, 2200, 1000, 1250, 4e6, 60e3, 160e6, 0.0, 4.5, 0.9),
+    "Y25 wagon, empty": (12.6e3, 182e3, 2200, 1000, 1250, 2e6, 30e3, 160e6, 0.0, 4.5, 0.9),
+}
+
+TYPICAL: dict[str, dict[str, float]] = {name: dict(zip(UNITS, row, strict=True)) for name, row in _TYPICAL.items()}
+"""Right vehicles of other kinds, in typical numbers, of no one publication: a tram; a locomotive whose wheelsets carry
+nose-suspended motors; wagons of 22.5 and 5.5 t an axle on bogies with one stage of springs, the centre bowl on top."""
+
 LENGTHS = ("half_bogie_spacing", "half_wheelbase")
 
 

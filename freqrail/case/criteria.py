@@ -15,30 +15,41 @@ from freqrail.model.spectrum import GERMAN_WAVELENGTHS
 
 @dataclass(frozen=True)
 class Criterion:
-    """A usual range. what: the quantity in words. unit: of the numbers, "" for a ratio. remedy: what to look at."""
+    """A usual range. what: the quantity in words. unit: of the numbers, "" for a ratio. remedy: what to look at.
+
+    right_below, right_above: vehicles that lie below or above the range and are right. sides: whether it tells masses
+    of both sides from those of one. acceptable: the value beyond which there is nothing that a case could accept.
+    """
 
     what: str
     unit: str
     usual: tuple[float, float]
     remedy: str
+    right_below: str = ""
+    right_above: str = ""
+    sides: bool = False
+    acceptable: float = math.inf
 
 
-_SIDES = 'masses = "half" or "whole"'
+_ONE_STAGE = "bogies with one stage of springs (Y25 and other freight wagons)"
 
 CRITERIA: dict[str, Criterion] = {
-    "axle_load": Criterion("axle load", "t", (2.0, 45.0), f"check the masses' units and {_SIDES}"),
-    "car_body": Criterion("mass of the whole car body", "t", (3.0, 160.0), f"check its unit (kg, t) and {_SIDES}"),
+    "axle_load": Criterion("axle load", "t", (3.0, 42.0), "check the masses' units", sides=True),
+    "car_body": Criterion("mass of the whole car body", "t", (3.0, 160.0), "check its unit (kg, t)", sides=True),
     "wheelset": Criterion(
         "mass of a whole wheelset",
         "t",
-        (0.5, 2.5),
-        'check its unit (kg, t); if masses of the whole vehicle are given, say so: --set "masses=whole"',
+        (0.5, 2.4),
+        "check its unit (kg, t)",
+        right_above="wheelsets that carry nose-suspended motors are heavier",
+        sides=True,
     ),
     "bogie_frame": Criterion(
         "mass of a whole bogie frame over its wheelbase",
         "kg/m",
         (500.0, 8000.0),
-        f"check the frame's unit (kg, t), {_SIDES}, and that half_wheelbase is half of it",
+        "check the frame's unit (kg, t), and that half_wheelbase is half of it",
+        sides=True,
     ),
     "radius_of_gyration": Criterion(
         "radius of gyration of the car body over half the pivot distance",
@@ -59,22 +70,32 @@ CRITERIA: dict[str, Criterion] = {
         "wheelbase of a bogie", "m", (1.1, 3.6), "half_wheelbase is half of it: check that, and the unit"
     ),
     "car_bounce": Criterion(
-        "natural frequency of the car's bounce", "Hz", (0.4, 3.0), "check the units of springs (N/m, kN/m) and masses"
+        "natural frequency of the car's bounce",
+        "Hz",
+        (0.5, 3.0),
+        "check the units of springs (N/m, kN/m) and masses",
+        right_above=f"{_ONE_STAGE} have more, most of all empty ones",
     ),
     "car_pitch": Criterion(
-        "natural frequency of the car's pitch", "Hz", (0.4, 3.0), "check car_body_pitch_inertia and half_bogie_spacing"
+        "natural frequency of the car's pitch",
+        "Hz",
+        (0.4, 3.0),
+        "check car_body_pitch_inertia and half_bogie_spacing",
+        right_above=f"{_ONE_STAGE} have more, most of all empty ones",
     ),
     "bogie_bounce": Criterion(
         "natural frequency of the bogies' bounce",
         "Hz",
-        (3.0, 15.0),
+        (3.5, 15.0),
         "check the units of springs (N/m, kN/m) and masses",
+        right_above=f"{_ONE_STAGE} have more: the centre bowl stands for the secondary spring",
     ),
     "primary_over_secondary": Criterion(
         "stiffness of a bogie's two primary springs over that of its secondary one",
         "",
         (1.5, math.inf),
         "are primary_stiffness (an axle's) and secondary_stiffness (a bogie's) exchanged?",
+        right_below=f"{_ONE_STAGE} have less: the centre bowl stands for the secondary spring",
     ),
     "primary_damping": Criterion(
         "damping ratio of a bogie frame on its primary dampers",
@@ -87,6 +108,13 @@ CRITERIA: dict[str, Criterion] = {
         "",
         (0.01, 5.0),
         "check the unit of secondary_damping (N*s/m, kN*s/m); no damper at all is 0",
+    ),
+    "secondary_over_primary_damping": Criterion(
+        "damping of a bogie's secondary dampers over that of an axle's primary ones",
+        "",
+        (0.7, math.inf),
+        "are primary_damping (an axle's) and secondary_damping (a bogie's) exchanged?",
+        right_below="where air springs alone damp the second stage, less is usual",
     ),
     "contact": Criterion(
         "contact stiffness of a wheel and the rail", "GN/m", (0.3, 3.0), "check contact_constant or contact_stiffness"
@@ -107,6 +135,7 @@ CRITERIA: dict[str, Criterion] = {
         (0.0, 1 / 3),
         "three of them exceed the load: wheels leave the rail, which a linear model cannot say; check speed, roughness "
         "and band",
+        acceptable=1.0,
     ),
 }
 """Every criterion by the name that warnings bear and [accepted] takes."""

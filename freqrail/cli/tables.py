@@ -41,6 +41,7 @@ HEADINGS = {
     "whole_axis_differs": "whole axis",
     "result_differs": "result",
     "kernel_percent": "by the kernel check %",
+    "solver_percent": "by the solver check %",
     "simulation_percent": "by the simulation %",
 }
 """Keys of records whose column is not headed by the key with blanks for underscores."""
@@ -52,6 +53,7 @@ DIGITS = {
     "whole_axis_differs": 2,
     "result_differs": 2,
     "kernel_percent": 2,
+    "solver_percent": 2,
     "simulation_percent": 2,
 }
 """Keys of records whose numbers are shown with other than four digits."""
@@ -336,6 +338,7 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
         "",
         "smallest fault of an RMS that this run would have seen, over its points and models",
         table(power),
+        confirmation.POWER,
         "",
     ]
     total = confirmation.count_of_checks(dataset)
@@ -365,8 +368,10 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
 
 def _shared_text(shared: Record) -> str:
     """What both sides of a confirmation share at a point, as a line of text."""
-    lags = ", ".join(number(1e3 * lag) for lag in shared["lags_s"])
-    simulated = ", ".join(number(1e3 * lag) for lag in shared["simulated_lags_s"])
+    # to a picosecond: what lies below is rounding
+    lags, simulated = (
+        ", ".join(number(round(1e3 * lag, 9)) for lag in shared[name]) for name in ("lags_s", "simulated_lags_s")
+    )
     track = "; ".join(
         f"{row['range']} {number(row['simulated_mm'], 5)} mm simulated, {number(row['mm'], 5)} mm by the spectrum"
         for row in shared["track"]

@@ -1,7 +1,7 @@
 """Numbers of the frequency domain by routes that the kernel of a sweep does not take, to hold its numbers against.
 
 - `line_rms`: the integral over a band as a sum over a record's lines, |T|^2 from the chains' frequency responses with
-  the wheels' lags as complex numbers: no lag columns, no panels, no residues;
+  the wheels' lags as complex numbers: no lag columns, no panels, no residues, but the kernel's own ladder;
 - `state_response`: T from the state space that is simulated, by one linear solve a frequency;
 - `covariance_rms`: the mean square over the whole axis from the stationary covariance of the states behind a shaping
   filter, by Sylvester's equation: no frequency at all.

@@ -212,8 +212,17 @@ def _counted(variation: Variation, claims: Mapping[str, int]) -> str:
     return ", ".join(f"{key}{_tracks(variation, count)}" for key, count in claims.items())
 
 
+def _steps(variation: Variation, claims: Mapping[str, int]) -> str:
+    """Steps, on average over the tracks, and those of each claim."""
+    if not claims:
+        return "none"
+    total = len(variation.tracks)
+    each = ", ".join(f"{key} by {count / total:.2g}" for key, count in claims.items())
+    return f"{sum(claims.values()) / total:.3g} ({each})"
+
+
 def _reading(failing: Sequence[Claim], never: Sequence[Claim], variations: Sequence[Variation]) -> list[Block]:
-    """The most likely reading, as far as the variations decide it, and what stays unknown."""
+    """What each reading explains and costs, as far as the variations decide it, and what stays unknown."""
     idle = [group for group in dict.fromkeys(v.group for v in variations) if not _ever(group, variations)]
     items = [f"No verdict hangs on: {', '.join(idle)}."] if idle else []
     items += [
@@ -221,26 +230,19 @@ def _reading(failing: Sequence[Claim], never: Sequence[Claim], variations: Seque
         for v in variations
         if not v.possible
     ]
-    keys = [claim.key for claim in failing]
-    helpful = [v for v in variations if v.possible and any(key in v.mended for key in keys)]
-    helpful.sort(key=lambda v: _credit(v, keys), reverse=True)
-    for place, v in enumerate(helpful[:3]):
-        mended = {key: v.mended[key] for key in keys if key in v.mended}
-        lead = "The reading that explains most is" if not place else "Then comes"
-        items.append(
-            f"{lead} **{v.group}: {v.name}**. It makes {len(mended)} of the {len(failing)} claims that fail hold at "
-            f"least partly, up to {v.at_once(keys)} on one track: {_counted(v, mended)}. It costs {len(v.lost)} "
-            "that hold otherwise" + (f": {_counted(v, v.lost)}." if v.lost else ".")
-        )
-    if not helpful:
-        items.append("Nothing that was tried, and that the paper can have done, makes a failing claim hold.")
+    items += _balances([v for v in variations if v.possible], [claim.key for claim in failing])
     if never:
         items.append(
             f"Mended by nothing that was tried are {len(never)} of the {len(failing)}: "
             f"{', '.join(c.key for c in never)}."
         )
     return [
-        Heading(3, "The most likely reading"),
+        Heading(3, "What a reading explains, and what it costs"),
+        Paragraph(
+            "A reading is credited with the steps by which verdicts rise in it and charged with those by which they "
+            "fall: from “does not hold” to “holds partly” is one step, and so is from there to “holds”, either way; a "
+            "claim counts by its share of tracks."
+        ),
         Bullets(items),
         Heading(3, "What cannot be known"),
         Paragraph(
@@ -257,10 +259,44 @@ def _ever(group: str, variations: Sequence[Variation]) -> bool:
     return any(v.changed for v in variations if v.group == group)
 
 
-def _credit(variation: Variation, keys: Sequence[str]) -> float:
-    """Claims of `keys` that a variation mends less those it loses, a claim counting by its share of tracks."""
-    mended = sum(count for key, count in variation.mended.items() if key in keys)
-    return (mended - sum(variation.lost.values())) / len(variation.tracks)
+def _balances(variations: Sequence[Variation], failing: Sequence[str]) -> list[str]:
+    """The readings that explain more than they cost, the best first; then others that make failing claims hold."""
+    better = sorted((v for v in variations if v.balance > 0), key=lambda v: v.balance, reverse=True)
+    helpful = [v for v in variations if v.balance <= 0 and v.at_once(failing)]
+    helpful.sort(key=lambda v: sum(v.mended.get(key, 0) for key in failing) / len(v.tracks), reverse=True)
+    items = [_balance(v, failing) for v in better]
+    if not better:
+        items.append("No reading explains more than it costs.")
+    elif not any(v.at_once(failing) for v in better):
+        items.append("No reading that explains more than it costs makes a claim that fails hold, even partly.")
+    items += [_balance(v, failing) for v in helpful]
+    if not any(v.at_once(failing) for v in variations):
+        items.append(
+            "Nothing that was tried, and that the paper can have done, makes a claim that fails hold, even partly."
+        )
+    return items
+
+
+def _balance(variation: Variation, failing: Sequence[str]) -> str:
+    """A reading's steps gained and lost, and what it makes of the claims that fail."""
+    balance = variation.balance
+    than = "more than" if balance > 0 else "less than" if balance < 0 else "as much as"
+    return (
+        f"**{variation.group}: {variation.name}** explains {than} it costs: steps gained "
+        f"{_steps(variation, variation.gained)}, lost {_steps(variation, variation.lost)}. "
+        f"{_mended(variation, failing)}"
+    )
+
+
+def _mended(variation: Variation, failing: Sequence[str]) -> str:
+    """How many of the claims that fail hold at least partly in a variation, and which."""
+    mended = {key: variation.mended[key] for key in failing if key in variation.mended}
+    if not mended:
+        return f"It makes none of the {len(failing)} claims that fail hold, even partly."
+    return (
+        f"It makes {len(mended)} of the {len(failing)} claims that fail hold at least partly, up to "
+        f"{variation.at_once(failing)} on one track: {_counted(variation, mended)}."
+    )
 
 
 def _ringing(vehicle: Vehicle) -> str:

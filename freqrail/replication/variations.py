@@ -24,7 +24,7 @@ from freqrail.model.responses import PAPER as IN_ORDER
 from freqrail.model.responses import RESPONSES
 from freqrail.replication import judging, printed
 from freqrail.replication.claims import judge_all
-from freqrail.replication.judging import FAILS, HOLDS, OTHER_JOINT, PLACES, Finding, Places
+from freqrail.replication.judging import FAILS, OTHER_JOINT, PLACES, VERDICTS, Finding, Places
 from freqrail.replication.studies import CASE
 from freqrail.replication.words import percent
 from freqrail.sweep.sweep import sweep
@@ -78,10 +78,27 @@ class Variation:
         return max(sum(track[key].verdict != FAILS for key in failing) for track in self.tracks)
 
     @property
+    def gained(self) -> dict[str, int]:
+        """By claim whose verdict is better than the exact one: by how many steps, over all tracks (see `_steps`)."""
+        return self._steps(1)
+
+    @property
     def lost(self) -> dict[str, int]:
-        """By claim that holds in the exact dataset: on how many tracks it does not hold at all."""
-        failed = {key: verdicts.count(FAILS) for key, verdicts in self.changed.items()}
-        return {key: count for key, count in failed.items() if count and self.exact[key].verdict == HOLDS}
+        """By claim whose verdict is worse than the exact one: by how many steps, over all tracks (see `_steps`)."""
+        return self._steps(-1)
+
+    @property
+    def balance(self) -> float:
+        """Steps gained less steps lost, on average over the tracks."""
+        return (sum(self.gained.values()) - sum(self.lost.values())) / len(self.tracks)
+
+    def _steps(self, way: int) -> dict[str, int]:
+        """Steps from one of VERDICTS to the next, by claim. way: 1 for those up to "holds", -1 for those down."""
+        steps = {
+            key: sum(max(0, way * (VERDICTS.index(e.verdict) - VERDICTS.index(t[key].verdict))) for t in self.tracks)
+            for key, e in self.exact.items()
+        }
+        return {key: count for key, count in steps.items() if count}
 
     def count(self, verdict: str) -> float:
         """How many claims come to a verdict, on average over the tracks."""

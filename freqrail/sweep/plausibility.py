@@ -1,8 +1,8 @@
 """What a whole grid comes to beside what vehicles and tracks have: measured value, criterion, remedy.
 
 Whatever is measured is monotonic in each of the vehicle's numbers, so that the corners of the grid (both ends of every
-axis) hold its smallest and largest value. Only the wheel-rail force is not: it is computed at a few corners
-and at the fastest speed, where it is largest but for the lags.
+axis) hold its smallest and largest value. Only the wheel-rail force is not: it is computed at a few corners, which
+hold both ends of every axis, and at the fastest speed, where it is largest but for the lags.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import Axis
 from freqrail.case.case import Case
-from freqrail.case.criteria import CRITERIA
+from freqrail.case.criteria import CRITERIA, Criterion
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band, band_limits
 from freqrail.model.spectrum import standard_deviation
@@ -28,7 +28,7 @@ from freqrail.solver.contact_force import contact_force_rms
 from freqrail.solver.modes import modes
 from freqrail.types import Number
 
-FORCES = 16  # corners, at most, at which the wheel-rail force is computed
+FORCES = 16  # corners, at most, at which the wheel-rail force is computed, beside the worst that they point to
 LIKELY = (0.1, 100.0)  # Hz: the band that is advised where nothing speaks against it
 
 
@@ -70,6 +70,12 @@ def _damping_ratio(damping: Number, stiffness: Number, mass: Number) -> Number:
     return np.where(np.equal(damping, 0), np.nan, damping / (2 * np.sqrt(stiffness * mass)))
 
 
+def _ratio(secondary: Number, primary: Number) -> Number:
+    """Of two dampings; nan where there is no damper at one of the stages."""
+    none = np.equal(secondary, 0) | np.equal(primary, 0)
+    return np.where(none, np.nan, np.divide(secondary, np.where(none, 1.0, primary)))
+
+
 def _load(vehicle: Vehicle) -> Number:
     return static_wheel_load(vehicle.car_body_mass, vehicle.bogie_mass, vehicle.wheelset_mass)
 
@@ -97,6 +103,7 @@ MEASURES: Mapping[str, Callable[[Vehicle], Number]] = {
     "secondary_damping": lambda v: _damping_ratio(
         v.secondary_damping / 2, v.secondary_stiffness / 2, v.car_body_mass / 4
     ),
+    "secondary_over_primary_damping": lambda v: _ratio(v.secondary_damping, v.primary_damping),
     "contact": lambda v: 1e-9 * v.contact_stiffness,
 }
 """What is measured of a half vehicle, by criterion; fields may be arrays. Whole masses and distances."""
@@ -161,9 +168,26 @@ def _judged(case: Case, name: str, values: NDArray[np.float64], remedy: str = ""
     text += f" (usual: {_range(criterion.usual, criterion.unit)})"
     accepted = name in case.accepted and _inside((low, high), case.accepted[name])
     if not accepted:
-        accepting = json.dumps(_accepting((low, high), criterion.usual)).replace("Infinity", "inf")
-        text += f"; {remedy or criterion.remedy}; or accept it: [accepted] {name} = {accepting}"
+        text = "; ".join([text, remedy or criterion.remedy, *_right_or_wrong(case, criterion, low, high)])
+        if high <= criterion.acceptable:
+            accepting = json.dumps(_accepting((low, high), criterion.usual)).replace("Infinity", "inf")
+            text += f"; or accept it: [accepted] {name} = {accepting}"
     return Concern(name, (low, high), criterion.usual, accepted, text)
+
+
+def _right_or_wrong(case: Case, criterion: Criterion, low: float, high: float) -> list[str]:
+    """What else may be wrong with a case below or above a range, and what may be right."""
+    below, above = low < criterion.usual[0], high > criterion.usual[1]
+    sides = {
+        "half": above and 'if masses, springs and dampers of both sides are given, say so: --set "masses=whole"',
+        "whole": below and 'if masses, springs and dampers of one side are given, say so: --set "masses=half"',
+    }
+    words = [
+        criterion.sides and sides[case.masses],
+        below and criterion.right_below,
+        above and criterion.right_above,
+    ]
+    return [text for text in words if text]
 
 
 def _inside(measured: tuple[float, float], limits: tuple[float, float]) -> bool:
@@ -261,7 +285,8 @@ def _resonance_text(case: Case, ratio: float, resonance: float, index: tuple[int
     if case.band is None:
         reach = "is the whole axis: all wavelengths, whatever the spectrum is good for, and"
     else:
-        reach = f"ends at {_highest(case, case.band):.4g} Hz, {ratio:.2g} times"
+        times = f"{ratio:.2g} times"
+        reach = f"ends at {_highest(case, case.band):.4g} Hz, {'about at' if times == '1 times' else times}"
     return (
         f"the band {reach} the wheelsets' resonance on the rigid rail, {resonance:.3g} Hz{damping}{at}, "
         "which no real track has"
@@ -311,16 +336,46 @@ def _wheel_force(case: Case) -> Concern | None:
     vehicle, speed = case.vehicles(), float(case.speeds().max())
     load = np.broadcast_to(_load(vehicle), vehicle.shape)
     values = np.full(vehicle.shape, np.nan)
-    everywhere = list(np.ndindex(vehicle.shape))
     forces: dict[Vehicle, float] = {}  # the same rigid joints stand for many
-    for index in everywhere[:: -(-len(everywhere) // FORCES)]:
+
+    def compute(index: tuple[int, ...]) -> None:
         both = (vehicle.at(index), vehicle.at(index).traditional())
         for one in both:
             if one not in forces:
                 with np.errstate(all="ignore"):
                     forces[one] = float(contact_force_rms(one, case.spectrum, speed, case.band).max())
         values[index] = max(forces[one] for one in both) / load[index]
+
+    for index in _some_corners(vehicle.shape):
+        compute(index)
+    worst = _worst_corner(values)
+    if np.isnan(values[worst]):
+        compute(worst)
     return _judged(case, "wheel_force", values)
+
+
+def _some_corners(shape: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """All corners of a grid of so many ends an axis, or FORCES of them: both ends of every axis half of the time each,
+    the four pairs of ends of any two axes a quarter of it (two-level orthogonal array, for up to 15 axes of two ends).
+    """
+    axes = [axis for axis, ends in enumerate(shape) if ends > 1]
+    if 2 ** len(axes) <= FORCES:
+        return list(np.ndindex(shape))
+    # an axis's end is the parity of some bits of the run's number: other bits for every axis, odd numbers of them first
+    masks = sorted(range(1, FORCES), key=lambda mask: (mask.bit_count() % 2 == 0, mask.bit_count()))
+    bits = dict(zip(axes, masks, strict=False))
+    return [tuple((run & bits.get(axis, 0)).bit_count() % 2 for axis in range(len(shape))) for run in range(FORCES)]
+
+
+def _worst_corner(values: NDArray[np.float64]) -> tuple[int, ...]:
+    """The corner at which each axis has the end with the larger mean of what is known of `values`."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # the mean of nothing
+        means = [
+            np.nan_to_num(np.nanmean(np.moveaxis(values, axis, 0).reshape(ends, -1), axis=1), nan=-np.inf)
+            for axis, ends in enumerate(values.shape)
+        ]
+    return tuple(int(np.argmax(mean)) for mean in means)
 
 
 # --- in words, and in a file -----------------------------------------------------------------------

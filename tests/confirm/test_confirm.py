@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from freqrail.case.case import build_case
 from freqrail.cli import tables
 from freqrail.cli.commands import run as command
 from freqrail.confirm import run as confirm_run
-from freqrail.confirm import setup, simulation, time_side
+from freqrail.confirm import setup, simulation, statistics, time_side
 from freqrail.confirm.confirm import carry_out
 from freqrail.confirm.run import check_cost, prepare_run
+from freqrail.confirm.track_record import spectral_lines
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.figures import confirmations, plot
 from freqrail.model import responses
@@ -286,7 +288,38 @@ def test_the_power_is_told_for_each_response_and_check(confirmed):
     rows = {row["response"]: row for row in confirmation.power(confirmed)}
     assert len(rows) == 4
     assert all(row["kernel_percent"] < 0.1 for row in rows.values())
+    assert all(row["solver_percent"] == pytest.approx(2e-3) for row in rows.values())
     assert 1 < rows["bogie frame vertical acceleration"]["simulation_percent"] < 20
+
+
+def test_what_the_manual_says_of_the_default_run_s_intervals():
+    """Half of the interval that decides hangs on the lines' power alone, not on the records."""
+    text = (Path(__file__).parents[2] / "docs" / "confirming.md").read_text()
+    run = prepare_run(freqrail.sweep("yu-damper-joint"))
+    degrees = []
+    for point, how in zip(run.points, run.setups, strict=True):
+        lines = spectral_lines(point.spectrum, point.speed, how.limits, how.period)
+        power = time_side.line_power(point, how.names, lines.frequency)
+        degrees.append(statistics.degrees_of_freedom(power, lines, how.realisations))
+    checks = np.size(degrees)
+    low, high = statistics.interval(np.ones(np.shape(degrees)), np.array(degrees), statistics.simultaneous(checks))
+    told = []
+    for name in ("bogie_acceleration", "car_body_acceleration", "secondary_stroke"):
+        width = 50 * (high - low)[..., confirmation.series_of(responses.PAPER)[name]]
+        told.append(f"{width.min():.1f} to {width.max():.1f} %")
+    words = f"{told[0]} for the bogie, {told[1]} for the car body, {told[2]} for the secondary stroke"
+    assert f"with the defaults {words}" in " ".join(text.split())
+
+
+def test_a_lag_of_nothing_is_printed_as_0():
+    shared = {
+        "static_wheel_load_N": 1e4,
+        "contact_stiffness_N_per_m": 1e9,
+        "lags_s": [0.0, 0.02295],
+        "simulated_lags_s": [-4.4e-18, 0.02295],
+        "track": [],
+    }
+    assert "lags 0, 22.95 ms (on the track simulated 0, 22.95)" in tables._shared_text(shared)
 
 
 # --- before the run --------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import freqrail
+from freqrail.cli import tables
 from freqrail.cli.commands import run as command
 from freqrail.confirm import crosschecks, references, simulation, time_side, track_record
 from freqrail.confirm.confirm import carry_out
@@ -21,6 +22,7 @@ from freqrail.confirm.run import prepare_run
 from freqrail.model import band as the_band
 from freqrail.model import spectrum as model_spectrum
 from freqrail.model.responses import RESPONSES
+from freqrail.reduction import chain_columns, chains
 from freqrail.result import confirmation
 from freqrail.result.verdicts import CONFIRMED, NOT_CHECKED, OUTSIDE
 from freqrail.solver import problem, quadrature, residues
@@ -183,6 +185,37 @@ def test_a_closed_form_that_is_off_is_seen_by_the_whole_axis_check(whole, monkey
         solved = crosschecks.solve_sylvester
         patch.setattr(crosschecks, "solve_sylvester", lambda *given: 1.002 * solved(*given))
         assert outside(judged(run, simulated))["whole_axis"] == ALL
+
+
+# --- what the kernel shares with the lines -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("factor", [1.01, 1 + 1e-3])
+def test_a_fault_in_the_ladder_is_not_seen_by_the_kernel_check_but_by_the_solver_check(plan, monkeypatch, factor):
+    """As the table of what a run would have seen says: both begin from the ladder, the simulation does not."""
+    true = chains.ladder
+
+    def softer(vehicle, chain):
+        masses, legs = true(vehicle, chain)
+        return masses, [(stiffness / factor, damping, joint) for stiffness, damping, joint in legs]
+
+    plain = carry_out(plan)
+    for module in (chains, chain_columns):
+        monkeypatch.setattr(module, "ladder", softer)
+    found = carry_out(plan)
+    told = outside(found)
+    assert "kernel" not in told
+    assert told["solver"] >= PITCHING
+    for name in PITCHING:
+        fault = np.abs(found[f"{name}_rms_frequency_domain"] / plain[f"{name}_rms_frequency_domain"] - 1)
+        assert float(fault.max()) > float(found["solver_tolerance"].max())
+
+
+def test_the_table_says_which_check_sees_a_fault_in_the_ladder(plan, simulated):
+    _, lines = tables.confirmation_text(judged(plan, simulated))
+    (place,) = (i for i, line in enumerate(lines) if line.startswith("smallest fault of an RMS"))
+    assert lines[place + 2].endswith("a fault of the ladder is seen by the solver check")
+    assert "by the kernel check %  by the solver check %  by the simulation %" in lines[place + 1]
 
 
 # --- what the kernel is held against ---------------------------------------------------------------

@@ -7,8 +7,9 @@ import pytest
 
 from freqrail.case.parameters import JOINTS
 from freqrail.model.responses import PAPER
-from freqrail.replication import judging, procedures, studies, time_variations
-from freqrail.replication.claims import judge_all
+from freqrail.replication import judging, procedures, report, studies, time_variations
+from freqrail.replication.claims import CLAIMS, judge_all
+from freqrail.replication.document import Bullets
 from freqrail.replication.judging import FAILS, HOLDS, PARTLY, Finding
 from freqrail.replication.procedures import Procedure
 from freqrail.replication.time_variations import Trial
@@ -34,9 +35,48 @@ def test_changes_are_counted_by_track():
     variation = Variation("question", "name", tracks, exact)
     assert variation.changed == {"a": [HOLDS, PARTLY], "b": [FAILS], "c": [PARTLY]}
     assert variation.mended == {"a": 2}
-    assert variation.lost == {"b": 1}
+    assert (variation.gained, variation.lost) == ({"a": 3}, {"b": 2, "c": 1})
+    assert variation.balance == 0.0
     assert variation.at_once(["a", "b"]) == 1
     assert [variation.count(verdict) for verdict in (HOLDS, PARTLY, FAILS)] == [1.5, 1.0, 0.5]
+
+
+@pytest.mark.parametrize("worse", [FAILS, PARTLY])
+@pytest.mark.parametrize("better", [HOLDS, PARTLY])
+def test_a_step_lost_counts_as_much_as_the_same_step_gained(worse, better):
+    up = Variation("question", "name", [{"a": finding(better)}], {"a": finding(worse)})
+    down = Variation("question", "name", [{"a": finding(worse)}], {"a": finding(better)})
+    assert up.balance == -down.balance == (worse == FAILS) + (better == HOLDS)
+    assert (up.gained, up.lost) == (down.lost, down.gained)
+
+
+def test_the_report_says_which_readings_explain_more_than_they_cost():
+    """What makes a failing claim hold partly and two that hold fail partly is no likely reading."""
+    claims = CLAIMS[:4]
+    failing, *others = (claim.key for claim in claims)
+    exact = {failing: finding(FAILS), **dict.fromkeys(others, finding(HOLDS))}
+    costly = {**exact, failing: finding(PARTLY), others[0]: finding(PARTLY), others[1]: finding(PARTLY)}
+    even = {**exact, failing: finding(PARTLY), others[0]: finding(PARTLY)}
+    good = {**exact, failing: finding(HOLDS), others[0]: finding(PARTLY)}
+    found = {name: Variation("q", name, [track], exact) for name, track in (("c", costly), ("e", even), ("g", good))}
+
+    def said(*names: str) -> str:
+        blocks = report._reading(claims[:1], [], [found[name] for name in names])
+        return "\n".join(next(block.items for block in blocks if isinstance(block, Bullets)))
+
+    assert said("c").splitlines() == [
+        "No reading explains more than it costs.",
+        f"**q: c** explains less than it costs: steps gained 1 ({failing} by 1), lost 2 ({others[0]} by 1, "
+        f"{others[1]} by 1). It makes 1 of the 1 claims that fail hold at least partly, up to 1 on one track: "
+        f"{failing}.",
+    ]
+    assert "**q: e** explains as much as it costs" in said("c", "e")
+    all_three = said("c", "e", "g").splitlines()
+    assert [line.split(" it costs")[0] for line in all_three] == [
+        "**q: g** explains more than",
+        "**q: c** explains less than",
+        "**q: e** explains as much as",
+    ]
 
 
 def test_the_exact_values_relabelled_change_no_verdict(exact):
