@@ -17,7 +17,7 @@ from freqrail.case.case import Case
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, meaning
 from freqrail.case.quantities import shown_value
 from freqrail.model.band import band_limits, band_text
-from freqrail.model.responses import PREFIXES, RESPONSES
+from freqrail.model.responses import PREFIXES, RESPONSES, TWIN
 from freqrail.model.spectrum import standard_deviation
 from freqrail.model.vehicle import static_wheel_load
 from freqrail.result import confirmation
@@ -179,7 +179,7 @@ def in_shown_units(records: Sequence[Record]) -> list[Record]:
     """Records of a result's variables as people read them: in mm rather than m, and without the variable's name."""
     shown = []
     for record in records:
-        response = RESPONSES[record["variable"].removeprefix("traditional_").removesuffix("_rms")]
+        response = RESPONSES[record["variable"].removeprefix(TWIN).removesuffix("_rms")]
         scaled = {key: record[key] * response.shown_scale for key in _IN_RESPONSE_UNITS if key in record}
         shown.append({k: v for k, v in record.items() if k != "variable"} | scaled | {"unit": response.shown_unit})
     return shown
@@ -264,7 +264,7 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         if f"{name}_rms" not in dataset:
             continue
         values = {}
-        for key in (f"{name}_rms", f"traditional_{name}_rms", f"{name}_rms_relative_error"):
+        for key in (f"{name}_rms", f"{TWIN}{name}_rms", f"{name}_rms_relative_error"):
             array = dataset[key]
             values[key] = np.atleast_1d(array.isel({k: i for k, i in indices.items() if k in array.dims}).values)
         for place, label in enumerate(response.positions or ("",)):

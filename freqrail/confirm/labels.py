@@ -20,11 +20,11 @@ from freqrail.case.axis import Axis
 from freqrail.case.quantities import unit_factor
 from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import statistics
+from freqrail.confirm.judging import Judgement, by_model, judge
 from freqrail.confirm.references import References
 from freqrail.confirm.run import Run
 from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
-from freqrail.model import responses
 from freqrail.model.band import band_text
 from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import RESPONSES
@@ -35,13 +35,6 @@ from freqrail.result.content import content_digest, whole
 from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates
 from freqrail.result.layout import flags
 
-KERNEL_TOLERANCE = 2e-6  # the kernel's numbers are good to 1e-6
-LINE_SAFETY = 2.0  # times what a record twice as long changes, which is about what the lines miss
-ROUNDING_SAFETY = 10.0  # times what another scaling of the states changes
-DISAGREEMENT = 1e-5  # relative; the result's numbers and the ones computed here are both good to 1e-6
-PSD_TOLERANCE = 1e-5  # of the result's spectra, relative to the line itself and PSD_FLOOR of the highest
-PSD_FLOOR = 1e-6
-LINE_PSD_TOLERANCE = {"rk45": 1e-3, "exponential": 1e-3, "radau": 1e-3, "newmark": 1e-1}  # of the highest line
 TRACK_TOLERANCE = 1e-4  # of the record's standard deviation
 RANGES = ("3-25 m", "band")
 """Ranges of the track's standard deviation: the wavelengths of track standards as far as the band reaches, the band."""
@@ -51,7 +44,7 @@ Variables = dict[str, tuple[Any, Any, dict[str, Any]]]
 
 def label(run: Run, simulations: Sequence[Simulation], found: Sequence[References]) -> xr.Dataset:
     """What was found at the points of a run, judged, named and with units. found: the frequency domain's numbers."""
-    by_series = _checks(run, simulations, found)
+    by_series = _check_variables(judge(run, simulations, found))
     described: Variables = {
         name: (("point", "model", "series"), values, attributes) for name, (values, attributes) in by_series.items()
     }
@@ -59,95 +52,36 @@ def label(run: Run, simulations: Sequence[Simulation], found: Sequence[Reference
     return xr.Dataset(variables, _coordinates(run, simulations), _attributes(run, simulations))
 
 
-def _checks(
-    run: Run, simulations: Sequence[Simulation], found: Sequence[References]
-) -> dict[str, tuple[NDArray, dict[str, Any]]]:
-    """Differences, tolerances and verdicts, [point, model, series], by name with their attributes."""
-    kernel = np.array([f.kernel for f in found])
-    pooled, degrees = np.array([e.pooled for e in simulations]), np.array([e.degrees for e in simulations])
-    low, high = statistics.interval(pooled, degrees, statistics.simultaneous(kernel.size))
-    solver = np.array([e.solver_error for e in simulations])
-    differences: dict[str, NDArray[np.float64]] = {
-        "kernel": kernel / np.array([f.line_spectrum for f in found]) - 1,
-        "result": _stored(run, "rms") / np.array([f.own for f in found]) - 1,
-    }
-    tolerances = {
-        "kernel": KERNEL_TOLERANCE + LINE_SAFETY * np.array([f.line_change for f in found]),
-        "result": np.full_like(kernel, DISAGREEMENT),
-    }
-    if run.case.band is None:
-        covariance = np.array([f.covariance for f in found])
-        rounding = np.array([f.covariance_rounding for f in found])
-        differences["whole_axis"] = np.array([f.own for f in found]) / covariance - 1
-        tolerances["whole_axis"] = KERNEL_TOLERANCE + ROUNDING_SAFETY * rounding
-    psd, line_psd = _spectral_differences(run, simulations, found)
-    judged = {
-        "solver": statistics.tolerance_verdicts(
-            solver, _by_model(run, confirm_setup.SOLVER_TOLERANCE), verdicts.FAILED
-        ),
-        "statistical": statistics.statistical_verdicts(pooled, degrees, kernel, kernel.size),
-        **{name: statistics.tolerance_verdicts(value, tolerances[name]) for name, value in differences.items()},
-        "psd": statistics.tolerance_verdicts(line_psd, _by_model(run, LINE_PSD_TOLERANCE), verdicts.FAILED),
-    }
-    if run.frequency.size:
-        stored = statistics.tolerance_verdicts(psd, np.full_like(kernel, PSD_TOLERANCE))
-        judged["psd"] = np.where(stored == verdicts.CONFIRMED, judged["psd"], stored)
+def _check_variables(judged: Judgement) -> dict[str, tuple[NDArray, dict[str, Any]]]:
+    """What the checks found by variable, with attributes."""
     number = {"units": "1"}
-    width = (high - low) / 2 / pooled
-    seen = np.maximum(high / kernel - 1, 1 - low / kernel)
+    words = {
+        "solver_error": (judged.solver_error, "largest relative difference of a record's RMS from its line spectrum's"),
+        **{f"{name}_difference": (v, f"relative difference: {CHECKS[name]}") for name, v in judged.differences.items()},
+        **{f"{name}_tolerance": (v, f"largest {name}_difference allowed") for name, v in judged.tolerances.items()},
+        "psd_difference": (judged.psd, "largest relative difference of the result's PSD from the states' response"),
+        "line_psd_difference": (
+            judged.line_psd,
+            "largest difference of the PSD of record 0 from that of its lines, of the highest",
+        ),
+        "half_width": (judged.half_width, "half of the interval that decides, of the simulated RMS"),
+        "smallest_fault_seen": (
+            judged.smallest_fault_seen,
+            "smallest relative fault of the RMS that this simulation would have seen",
+        ),
+        "degrees_of_freedom": (judged.degrees, "degrees of freedom of the pooled mean square"),
+    }
     return {
         **{
-            f"verdict_{name}": (judged[name], flags(verdicts.VERDICTS, f"{name.replace('_', ' ')} check: {what}"))
+            f"verdict_{name}": (
+                judged.verdicts[name],
+                flags(verdicts.VERDICTS, f"{name.replace('_', ' ')} check: {what}"),
+            )
             for name, what in CHECKS.items()
-            if name in judged
+            if name in judged.verdicts
         },
-        "solver_error": (
-            solver,
-            number | {"long_name": "largest relative difference of a record's RMS from its line spectrum's"},
-        ),
-        **{
-            f"{name}_difference": (value, number | {"long_name": f"relative difference: {CHECKS[name]}"})
-            for name, value in differences.items()
-        },
-        **{
-            f"{name}_tolerance": (tolerances[name], number | {"long_name": f"largest {name}_difference allowed"})
-            for name in differences
-        },
-        "psd_difference": (
-            psd,
-            number | {"long_name": "largest relative difference of the result's PSD from the states' response"},
-        ),
-        "line_psd_difference": (
-            line_psd,
-            number | {"long_name": "largest difference of the PSD of record 0 from that of its lines, of the highest"},
-        ),
-        "half_width": (
-            width,
-            number | {"long_name": "half of the interval that decides, of the simulated RMS"},
-        ),
-        "smallest_fault_seen": (
-            seen,
-            number | {"long_name": "smallest relative fault of the RMS that this simulation would have seen"},
-        ),
-        "degrees_of_freedom": (degrees, number | {"long_name": "degrees of freedom of the pooled mean square"}),
+        **{name: (values, number | {"long_name": what}) for name, (values, what) in words.items()},
     }
-
-
-def _by_model(run: Run, tolerance: Mapping[str, float]) -> NDArray[np.float64]:
-    """What the integrators of a run are allowed, [model, 1]."""
-    return np.array([[tolerance[confirm_setup.integrator_of(run.setups[0], model)]] for model in MODELS])
-
-
-def _spectral_differences(
-    run: Run, simulations: Sequence[Simulation], found: Sequence[References]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Largest relative differences of the result's PSDs and of record 0's lines, [point, model, series] each."""
-    lines = np.array([np.max(np.abs(e.psd_simulated - e.psd), -1) / np.max(e.psd, -1) for e in simulations])
-    if not run.frequency.size:
-        return np.full_like(lines, np.nan), lines
-    own = np.array([f.psd for f in found])
-    size = own + PSD_FLOOR * np.max(own, axis=-1, keepdims=True)
-    return np.max(np.abs(_stored(run, "psd") - own) / size, axis=-1), lines
 
 
 def _by_response(
@@ -276,7 +210,7 @@ def _by_point(run: Run, simulations: Sequence[Simulation], found: Sequence[Refer
         ),
         "solver_tolerance": (
             "model",
-            _by_model(run, confirm_setup.SOLVER_TOLERANCE)[:, 0],
+            by_model(run, confirm_setup.SOLVER_TOLERANCE)[:, 0],
             number | {"long_name": "largest solver error that is allowed"},
         ),
         "relative_tolerance": (
@@ -380,18 +314,3 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
         "warnings": str(run.dataset.attrs.get("warnings", "")),
     }
     return {key: value for key, value in (described | conditions).items() if str(value) != ""}
-
-
-def _stored(run: Run, kind: str) -> NDArray[np.float64]:
-    """The result's own numbers at the points, "rms" [point, model, series] or "psd" [..., frequency]; NaN for none."""
-    last = run.frequency.shape if kind == "psd" else ()
-    rows = np.full((len(run.points), len(MODELS), responses.series_count(run.names), *last), np.nan)
-    for name, part in series_of(run.names).items():
-        for model, prefix in enumerate(("", "traditional_")):
-            if f"{prefix}{name}_{kind}" in run.dataset:
-                variable = run.dataset[f"{prefix}{name}_{kind}"]
-                for point, place in enumerate(run.places):
-                    at = {dim: i for dim, i in place.index.items() if dim in variable.dims}
-                    if not place.anew:
-                        rows[point, model, part] = variable.isel(at).values
-    return rows

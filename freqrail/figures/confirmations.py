@@ -30,14 +30,14 @@ from freqrail.figures.style import (
     panels,
     psd_label,
 )
-from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
+from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, TWIN
 from freqrail.result.confirmation import band_note, confirmed_names, relative
 from freqrail.result.verdicts import FAILED, OUTSIDE
 
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
 _PANELS_A_ROW, _POINTS_A_FIGURE = 3, 9
 _COLOURS = {"joint": BLUE, "traditional": "black"}
-_WORDS = {"joint": PREFIXES[""], "traditional": PREFIXES["traditional_"]}
+_WORDS = {"joint": PREFIXES[""], "traditional": PREFIXES[TWIN]}
 _SMALLEST = 1e-14  # solver errors below this are rounding, and drawn there
 _OFFSET = {"joint": -0.18, "traditional": 0.18}  # of a row, so that the models' bars do not cover each other
 

@@ -37,7 +37,7 @@ from freqrail.figures.style import (
     psd_label,
 )
 from freqrail.figures.style import family as family_styles
-from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, Response
+from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, TWIN, Response
 from freqrail.result.axes import axis_unit, grid_axis, swept
 from freqrail.sweep.off_grid import ATTRIBUTE
 
@@ -92,7 +92,7 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         where[family] = _spread(dataset.sizes[family], _SPEEDS if family == "speed" else _LINES)
     places = np.atleast_1d(where[family]) if family else np.zeros(1, np.intp)
     # the traditional model has one line for all where the family's parameter does not touch it
-    own = family in dataset["traditional_status"].dims
+    own = family in dataset[f"{TWIN}status"].dims
     x = dataset[along].values
     styles: list[Style] = [*family_styles(len(places))] if family else [{"color": BLUE, "marker": MARKERS[0]}]
     if x.size > _MARKED:
@@ -104,7 +104,7 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
     figure, drawn = _panels(dataset, "_rms", _caption(dataset, case, "_rms", where))
     for response, ax in drawn:
         with_joints = _drawn(dataset, response, "", "_rms", where, order).reshape(len(places), x.size)
-        traditional = _drawn(dataset, response, "traditional_", "_rms", where, order)
+        traditional = _drawn(dataset, response, TWIN, "_rms", where, order)
         for line, style in zip(with_joints, styles, strict=True):
             _line(ax, x, line, style)
         for line, style in zip(traditional if own else [traditional], dashed, strict=False):
@@ -116,7 +116,7 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         ax.set_ylabel(f"RMS [{response.shown_unit}]")
         not_too_steep(ax)
     grey = {"color": "0.4"}
-    models = [handle({**dashed[0], **(grey if own else {})}, PREFIXES["traditional_"])]
+    models = [handle({**dashed[0], **(grey if own else {})}, PREFIXES[TWIN])]
     if own or not family:
         models.insert(0, handle(grey if own else styles[0], PREFIXES[""]))
     if np.isinf(x).any():
@@ -164,7 +164,7 @@ def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -
 
 def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figure:
     """One-sided PSDs at one grid point, with and without joints."""
-    styles: dict[str, Style] = {"": WITH_JOINTS, "traditional_": TRADITIONAL}
+    styles: dict[str, Style] = {"": WITH_JOINTS, TWIN: TRADITIONAL}
     figure, drawn = _panels(dataset, "_psd", _caption(dataset, case, "_psd", index))
     for response, ax in drawn:
         ax.set_xscale("log")

@@ -203,5 +203,8 @@ def chains_of(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(chain for chain in CHAINS if any(chain in RESPONSES[name].chains for name in names))
 
 
-PREFIXES = {"": "model with damper joints", "traditional_": "traditional model, rigid damper joints"}
+TWIN = "traditional_"
+"""Prefix of the variables of the traditional model, a twin of each response with rigid damper joints."""
+
+PREFIXES = {"": "model with damper joints", TWIN: "traditional model, rigid damper joints"}
 """Prefix of a model's variables and the words for it."""

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case.parameters import JOINTS
-from freqrail.model.responses import RESPONSES
+from freqrail.model.responses import PREFIXES, RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.judging import (
     PLACES,
@@ -152,7 +152,7 @@ def about_the_corner(dataset: xr.Dataset, places: Places = PLACES) -> tuple[xr.D
     at = {key: PAPER_POINT[key] for key in (*JOINTS, "speed")}
     shares, changes = [], []
     for response in RESPONSE_NAMES:
-        joint, rigid = (dataset[f"{prefix}{response}_psd"] for prefix in ("", "traditional_"))
+        joint, rigid = (dataset[f"{prefix}{response}_psd"] for prefix in PREFIXES)
         place = {dim: here for dim, here in places.items() if dim in joint.dims}
         joint, rigid = (psd.sel({k: v for k, v in (at | place).items() if k in psd.dims}) for psd in (joint, rigid))
         change = abs(joint - rigid)

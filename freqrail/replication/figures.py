@@ -39,7 +39,7 @@ from freqrail.figures.style import (
     panels,
     save,
 )
-from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
 from freqrail.replication.claims import (
     BOGIE,
     CAR,
@@ -261,7 +261,7 @@ def _map(dataset: xr.Dataset) -> Figure:
 
 def _departure(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
     """Departure from the traditional model in per cent: [secondary joint, primary joint]."""
-    joint, rigid = (_at_place(dataset[f"{p}{name}_rms"]).sel(speed=PAPER_SPEED) for p in ("", "traditional_"))
+    joint, rigid = (_at_place(dataset[f"{p}{name}_rms"]).sel(speed=PAPER_SPEED) for p in PREFIXES)
     return np.asarray((100 * (joint / rigid - 1)).transpose(SECONDARY, PRIMARY).values)
 
 
@@ -275,9 +275,7 @@ def _cumulative(dataset: xr.Dataset, dampers: xr.Dataset) -> Figure:
     corners = dampers["corner_frequency"].sel(joint_stiffness=OTHER_JOINT).values
     for name, ax in _panels(figure, _ALL):
         scale = RESPONSES[name].shown_scale
-        joint, rigid = (
-            _at_place(dataset[f"{p}{name}_cumulative_rms"]).sel(speed=PAPER_SPEED) for p in ("", "traditional_")
-        )
+        joint, rigid = (_at_place(dataset[f"{p}{name}_cumulative_rms"]).sel(speed=PAPER_SPEED) for p in PREFIXES)
         for _, at, style in drawn:
             ax.plot(frequency, scale * joint.sel(at).values, **style)
         ax.plot(frequency, scale * rigid.values, color="black", linestyle="--")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from freqrail.model.responses import RESPONSES
+from freqrail.model.responses import PREFIXES, RESPONSES
 from freqrail.replication import judging
 from freqrail.replication.claims import (
     CLAIMS,
@@ -63,7 +63,7 @@ def curve_differences(track: xr.Dataset) -> dict[str, float]:
     """RMS of the difference of both models' curves over the traditional one's RMS, on one track, by response."""
     found = {}
     for name in RESPONSE_NAMES:
-        curves = [track[f"{prefix}{name}_history"] for prefix in ("", "traditional_")]
+        curves = [track[f"{prefix}{name}_history"] for prefix in PREFIXES]
         at = {dim: here for dim, here in PLACES.items() if dim in curves[0].dims}
         joint, rigid = (curve.sel(at).values.astype(float) for curve in curves)
         found[name] = float(np.sqrt(np.mean((joint - rigid) ** 2) / np.mean(rigid**2)))

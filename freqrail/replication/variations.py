@@ -21,7 +21,7 @@ from freqrail.case.parameters import JOINTS
 from freqrail.errors import FreqrailWarning
 from freqrail.model.band import Band
 from freqrail.model.responses import PAPER as IN_ORDER
-from freqrail.model.responses import RESPONSES
+from freqrail.model.responses import PREFIXES, RESPONSES
 from freqrail.replication import judging, printed
 from freqrail.replication.claims import judge_all
 from freqrail.replication.judging import FAILS, OTHER_JOINT, PLACES, VERDICTS, Finding, Places
@@ -143,7 +143,7 @@ def count_in_frequency() -> int:
 
 def _change(varied: xr.Dataset, exact: xr.Dataset) -> str:
     """In words: the largest relative change of any RMS."""
-    names = [f"{prefix}{name}_rms" for prefix in ("", "traditional_") for name in IN_ORDER]
+    names = [f"{prefix}{name}_rms" for prefix in PREFIXES for name in IN_ORDER]
     largest = max(float(abs(varied[k] / exact[k] - 1).max()) for k in names)
     return f"largest change of an RMS: {percent(largest, False)}"
 

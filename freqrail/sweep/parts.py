@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.model.responses import TWIN
 from freqrail.result import content, labels, layout
 from freqrail.solver import solve
 from freqrail.solver.panels import SharedPanels, shared_panels
@@ -107,5 +108,5 @@ def part_variables(plan: Plan, block: Part) -> dict[str, content.Variable]:
     return {
         name: replace(variable, shape=(*size, *variable.shape[len(size) :]))
         for name, variable in described.items()
-        if name.startswith("traditional_") == bool(block.prefix)
+        if name.startswith(TWIN) == bool(block.prefix)
     }

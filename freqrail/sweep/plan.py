@@ -13,7 +13,7 @@ from freqrail.case.axis import Axis
 from freqrail.case.case import Case
 from freqrail.errors import InputError
 from freqrail.model.band import band_limits
-from freqrail.model.responses import RESPONSES
+from freqrail.model.responses import RESPONSES, TWIN
 from freqrail.result.layout import Layout, response_names, without_joints
 from freqrail.solver import solve
 from freqrail.solver.problem import Problem
@@ -49,7 +49,7 @@ class Plan:
                 band=part.band,
                 names=layout.names,
             )
-            for prefix, part in (("", case), ("traditional_", without_joints(case)))
+            for prefix, part in (("", case), (TWIN, without_joints(case)))
         }
         return cls(layout, studies)
 
