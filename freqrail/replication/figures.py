@@ -74,7 +74,7 @@ class Picture:
     draw: Callable[[], Figure]
 
 
-def pictures(datasets: Mapping[str, xr.Dataset]) -> list[Picture]:
+def pictures(datasets: Mapping[str, Any]) -> list[Picture]:
     """Every figure of the report, in its order; `datasets` as in `studies`."""
     grid, track = datasets["grid"], datasets["track"]
     speed = f"{PAPER_SPEED:g} km/h"

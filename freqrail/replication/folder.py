@@ -33,7 +33,6 @@ _DATASETS: dict[str, Callable[[], xr.Dataset]] = {
     "track": studies.histories,
     "dampers": studies.dampers,
 }
-_FIGURES = 10
 SECONDS_A_STEP = 100.0  # simulated, that progress counts as one step
 LEFT_OUT = "This run left out the variations in the time domain (--quick)."
 
@@ -57,7 +56,7 @@ class Replication:
 def steps(quick: bool = False) -> int:
     """How many steps `replicate` tells its `progress` of."""
     simulated = 0 if quick else round(time_variations.simulated_seconds() / SECONDS_A_STEP)
-    return len(_DATASETS) + 2 + variations.count_in_frequency() + simulated + _FIGURES
+    return len(_DATASETS) + 2 + variations.count_in_frequency() + simulated + len(pictures(dict.fromkeys(_DATASETS)))
 
 
 def replicate(

@@ -20,6 +20,7 @@ from freqrail.model.responses import PAPER, RESPONSES, series_count
 from freqrail.replication.claims import BOGIE, CAR, RESPONSE_NAMES, judge_all
 from freqrail.replication.judging import OTHER_JOINT, Finding
 from freqrail.replication.procedures import DURATION, Procedure, run
+from freqrail.replication.studies import TABLE_I
 from freqrail.replication.variations import Variation, relabelled
 from freqrail.types import SecondsProgress
 
@@ -96,7 +97,7 @@ TRIALS: tuple[tuple[str, Trial], ...] = (
 def in_time(exact: xr.Dataset, case: Case, progress: SecondsProgress = lambda seconds: None) -> list[Variation]:
     """The variations in time. progress: called with the simulated seconds just done, of `simulated_seconds` in all."""
     exact = exact.sel(speed=list(SPEEDS))
-    pairs = _pairs(exact)
+    pairs = _pairs(*(exact[name].values.tolist() for name in JOINTS))
     vehicles = [case.vehicles().at(pair) for pair in pairs]
     values: dict[str, NDArray[np.float64]] = {}
     found = []
@@ -120,16 +121,16 @@ def in_time(exact: xr.Dataset, case: Case, progress: SecondsProgress = lambda se
 
 def simulated_seconds() -> float:
     """Seconds that `in_time` simulates."""
-    runs = sum((1 if trial.joint_from else 14) * trial.procedure.records for _, trial in TRIALS)
+    vehicles = len(_pairs(TABLE_I, TABLE_I)) + 1  # the traditional one
+    runs = sum((1 if trial.joint_from else vehicles) * trial.procedure.records for _, trial in TRIALS)
     return DURATION * len(SPEEDS) * runs
 
 
-def _pairs(exact: xr.Dataset) -> list[tuple[int, int]]:
+def _pairs(primary: Sequence[float], secondary: Sequence[float]) -> list[tuple[int, int]]:
     """Places on the joints' axes of both scans, and of the softest and the stiffest pair."""
-    primary, secondary = (exact[name].values for name in JOINTS)
     kept = [list(axis).index(OTHER_JOINT) for axis in (primary, secondary)]
-    scans = {(i, kept[1]) for i in range(primary.size)} | {(kept[0], j) for j in range(secondary.size)}
-    return sorted(scans | {(0, 0), (primary.size - 1, secondary.size - 1)})
+    scans = {(i, kept[1]) for i in range(len(primary))} | {(kept[0], j) for j in range(len(secondary))}
+    return sorted(scans | {(0, 0), (len(primary) - 1, len(secondary) - 1)})
 
 
 def _variation(
