@@ -185,12 +185,15 @@ def test_a_missing_parent_is_an_output_fault(tmp_path):
         replication.replicate(tmp_path / "nowhere" / "study", quick=True)
 
 
-def test_a_run_that_fails_leaves_the_old_folder_and_no_traces(tmp_path, monkeypatch):
+def test_a_run_that_fails_leaves_the_old_folder_and_no_traces(quick, tmp_path, monkeypatch):
     study = tmp_path / "study"
     study.mkdir()
     (study / "report.md").write_text("old")
     manifest.record(study, replication.COMMAND, {"report.md": manifest.digest(study / "report.md")})
     monkeypatch.setattr(replication.variations, "in_frequency", lambda *arguments: [])
+    known = {name: lambda found=found: found for name, found in quick.datasets.items()}
+    monkeypatch.setattr(replication, "_DATASETS", known)
+    monkeypatch.setattr(replication, "standings", lambda datasets: {})
 
     def full_disk(*arguments):
         raise OSError(28, "No space left on device")
