@@ -34,6 +34,7 @@ from freqrail.result.confirmation import CHECKS, series_labels, series_of
 from freqrail.result.content import content_digest, whole
 from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates
 from freqrail.result.layout import flags
+from freqrail.result.points import example_point
 
 KERNEL_TOLERANCE = 2e-6  # the kernel's numbers are good to 1e-6
 LINE_SAFETY = 2.0  # times what a record twice as long changes, which is about what the lines miss
@@ -352,6 +353,7 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
         "source": f"freqrail {versions['freqrail']}, simulation of the half vehicle against its frequency response",
         "result_content_digest": content_digest(run.dataset),
         "result_band": str(run.dataset.attrs["band"]),
+        "grid_point": example_point(run.dataset),
         "band": band_text(run.band),
         "seed": whole(setup.seed),
         "realisations": whole(setup.realisations),
