@@ -571,6 +571,15 @@ def stripped(variable: str, attribute: str) -> Callable[[xr.Dataset], xr.Dataset
     return change
 
 
+def reunited(variable: str, unit: str) -> Callable[[xr.Dataset], xr.Dataset]:
+    def change(dataset: xr.Dataset) -> xr.Dataset:
+        copy = dataset.copy(deep=True)
+        copy[variable].attrs["units"] = unit
+        return copy
+
+    return change
+
+
 def all_nan(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.assign({name: dataset[name] * np.nan for name in dataset if name.endswith("_rms")})
 
@@ -610,6 +619,14 @@ NETCDF: dict[str, tuple[Callable[[Path], object], str]] = {
     "other labels": (rewritten(lambda d: d.assign_coords(bogie=["left", "right"])), "labels other than front, rear"),
     "no unit": (rewritten(stripped(RMS, "units")), f"{RMS} has no unit m s-2"),
     "no unit of an axis": (rewritten(stripped("speed", "units")), "speed has no unit of a speed"),
+    "another unit of an axis": (
+        rewritten(reunited("speed", "m s-1")),
+        "speed is not in km/h, as its case has it (got 'm/s')",
+    ),
+    "another axis": (
+        rewritten(lambda d: xr.concat([d], "bogie_mass", coords="different", compat="equals")),
+        "has the dimension bogie_mass, which its case does not sweep",
+    ),
     "no flags": (rewritten(stripped("status", "flag_meanings")), "or no flag_meanings"),
     "no case": (rewritten(lambda d: d.drop_attrs().assign_attrs(dataset_schema_version=1)), "has no attribute"),
     "a broken case": (rewritten(lambda d: d.assign_attrs(effective_case="x")), "its effective_case is no case"),

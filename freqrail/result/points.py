@@ -13,13 +13,13 @@ import xarray as xr
 
 from freqrail.case.axis import Axis, is_same
 from freqrail.case.case import Case, build_case, place_point
-from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.case.quantities import Quantity, parse_quantity, unit_factor
+from freqrail.case.parameters import PARAMETERS, SWEEPABLE, Parameter, suggestion
+from freqrail.case.quantities import Quantity, parse_quantity, typed_unit, unit_factor
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.responses import RESPONSES
 from freqrail.result.axes import axis_label, axis_unit, grid_axis, swept
 from freqrail.result.confirmation import is_confirmation
-from freqrail.result.labels import skeleton
+from freqrail.result.labels import coordinate, skeleton
 from freqrail.result.layout import Layout
 from freqrail.result.netcdf import open_result
 
@@ -78,18 +78,33 @@ def _case_faults(dataset: xr.Dataset) -> list[str]:
         case = result_case(dataset)
     except InputError as fault:
         return [f"its effective_case is no case: {problem}" for problem in fault.problems]
-    faults = [
-        f"has no dimension {axis.name}, which its case sweeps" for axis in case.axes if axis.name not in dataset.dims
-    ]
+    axes = {axis.name: axis for axis in case.axes}
+    faults = [f"has no dimension {name}, which its case sweeps" for name in axes if name not in dataset.dims]
     for name in swept(dataset):
-        unit, parameter = axis_unit(dataset, name), PARAMETERS[name]
-        try:
-            right = unit_factor(unit)[1] == unit_factor(parameter.unit)[1]
-        except ValueError:
-            right = False
-        if not right:
-            faults.append(f"{name} has no unit of a {parameter.kind} (got {unit!r})")
+        if name not in axes:
+            faults.append(f"has the dimension {name}, which its case does not sweep; read it with xarray")
+            continue
+        unit, right = axis_unit(dataset, name), _axis_unit_of(dataset, axes[name], case)
+        if not _is_unit_of(unit, PARAMETERS[name]):
+            faults.append(f"{name} has no unit of a {PARAMETERS[name].kind} (got {unit!r})")
+        elif unit_factor(unit) != unit_factor(right):
+            faults.append(f"{name} is not in {right}, as its case has it (got {unit!r})")
     return faults
+
+
+def _axis_unit_of(dataset: xr.Dataset, axis: Axis, case: Case) -> str:
+    """The unit, as users type it, in which a result of a case has an axis."""
+    if dataset.attrs.get("dataset_schema_version") == 1:  # in the spelling of the case
+        return axis.unit
+    attributes = coordinate(axis, case.masses)[axis.name][2]
+    return typed_unit(attributes.get("units", attributes.get("user_units", "")))
+
+
+def _is_unit_of(unit: str, parameter: Parameter) -> bool:
+    try:
+        return unit_factor(unit)[1] == unit_factor(parameter.unit)[1]
+    except ValueError:
+        return False
 
 
 def example_point(dataset: xr.Dataset) -> str:
@@ -171,6 +186,12 @@ def find_place(
     if not off:
         return Place(dataset, index, ())
     case = result_case(dataset)
+    stray = {*swept(dataset)} - {axis.name for axis in case.axes}
+    if stray:  # results put together in memory: their case is that of the first
+        raise InputError(
+            f"{origin} {', '.join(off)}: off the grid, and cannot be computed anew: the result's case does not sweep "
+            f"{', '.join(sorted(stray))}"
+        )
     over = {name: quantity.text for name, quantity in off.items()}
     for axis in case.axes:
         si = grid_axis(dataset, axis.name).si
