@@ -162,22 +162,28 @@ def apply_setting(
 
 
 def apply_axis(
-    tables: dict[str, Any], key: str, value: str, problems: list[str], origins: dict[tuple[str, ...], str]
+    tables: dict[str, Any],
+    key: str,
+    value: str,
+    problems: list[str],
+    origins: dict[tuple[str, ...], str],
+    option: str = "--over",
 ) -> None:
+    """Replace or add an axis of the tables; `option` is what messages call the place that it comes from."""
     name = key.removeprefix("sweep.")
     if name not in (*SWEEPABLE, "frequency"):
-        problems.append(f"--over {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
+        problems.append(f"{option} {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
         return
     sweep = table_of(tables, "sweep")
     section = PARAMETERS[name].section
     if name in SWEEPABLE:  # `frequency` is the band's as a setting, that of spectra as an axis
         alike = CONTACTS if name in CONTACTS else (name,)
-        _refuse_both(f"--over {key}", [(section, other) for other in alike], problems, origins)
+        _refuse_both(f"{option} {key}", [(section, other) for other in alike], problems, origins)
     for other in CONTACTS if name in CONTACTS else ():
-        _refuse_both(f"--over {key}", [("sweep", other)], problems, origins)
+        _refuse_both(f"{option} {key}", [("sweep", other)], problems, origins)
         sweep.pop(other, None)
     sweep[name] = value
-    origins["sweep", name] = f"--over {key}"
+    origins["sweep", name] = f"{option} {key}"
 
 
 def _advised_axis(name: str, value: object) -> str:

@@ -21,7 +21,7 @@ from freqrail.case.quantities import unit_factor
 from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import statistics
 from freqrail.confirm.references import References
-from freqrail.confirm.run import Run
+from freqrail.confirm.run import Run, told_of
 from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
 from freqrail.model import responses
@@ -379,9 +379,19 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
             for model, fault in e.failures.items()
         ),
         "versions": json.dumps(versions),
-        "warnings": str(run.dataset.attrs.get("warnings", "")),
+        "warnings": _warnings(run),
     }
     return {key: value for key, value in (described | conditions).items() if str(value) != ""}
+
+
+def _warnings(run: Run) -> str:
+    """The result's warnings, if any point is on its grid, and what is told of those that are not, as a result has them
+    (JSON); "" if there is nothing."""
+    on_grid = any(not place.anew for place in run.places)
+    records = json.loads(str(run.dataset.attrs.get("warnings") or "[]")) if on_grid else []
+    for line in (line for place in run.places for line in told_of(place)):
+        records.append({"name": "computed_anew", "accepted": False, "text": line})
+    return json.dumps(records, ensure_ascii=False) if records else ""
 
 
 def _stored(run: Run, kind: str) -> NDArray[np.float64]:
@@ -395,5 +405,14 @@ def _stored(run: Run, kind: str) -> NDArray[np.float64]:
                 for point, place in enumerate(run.places):
                     at = {dim: i for dim, i in place.index.items() if dim in variable.dims}
                     if not place.anew:
-                        rows[point, model, part] = variable.isel(at).values
+                        rows[point, model, part] = _at_all_positions(variable.isel(at), name)
     return rows
+
+
+def _at_all_positions(numbers: xr.DataArray, name: str) -> NDArray[np.float64]:
+    """A response of which a part of a result may hold some of the positions, NaN at the others."""
+    response = RESPONSES[name]
+    if not response.dimension:
+        return numbers.values
+    held = numbers if response.dimension in numbers.dims else numbers.expand_dims(response.dimension)
+    return held.reindex({response.dimension: list(response.positions)}).values
