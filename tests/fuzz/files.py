@@ -21,7 +21,7 @@ from freqrail.result.sandbox import check_result
 
 SECONDS, START = 10.0, 60.0  # that a child may take for one file, and to start
 BYTES = 4 * 10**9  # of its address space
-CHILD = "from fuzz.files import child; child()"
+CHILD = "from tests.fuzz.files import child; child()"
 
 
 def intact(folder: Path) -> Path:
