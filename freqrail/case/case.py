@@ -139,8 +139,9 @@ def build_case(
     tables = parse_toml(text, file)
     problems: list[str] = []
     origins: dict[tuple[str, ...], str] = {}
+    swept = {str(key).removeprefix("sweep.") for key in over or {}}
     for key, value in (settings or {}).items():
-        apply_setting(tables, key, value, problems, origins, scalars)
+        apply_setting(tables, key, value, problems, origins, scalars, swept)
     for key, value in (over or {}).items():
         apply_axis(tables, key, value, problems, origins, axis_option)
 
