@@ -132,12 +132,16 @@ def _folder_beside(target: Path) -> Path:
 
 
 def is_leftover(folder: Path) -> bool:
-    """Whether a path is the folder of an unfinished file that a killed run left, and holds nothing else."""
+    """Whether a path is the folder of an unfinished file that a killed run left, and holds nothing else: no link."""
     if not (folder.name.startswith(".") and folder.name.endswith(".partial")):
         return False
     status = folder.lstat()
     own = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
-    return stat.S_ISDIR(status.st_mode) and own and all(Path(n).stem == _UNFINISHED for n in os.listdir(folder))
+    return stat.S_ISDIR(status.st_mode) and own and all(map(_is_unfinished, folder.iterdir()))
+
+
+def _is_unfinished(path: Path) -> bool:
+    return path.stem == _UNFINISHED and stat.S_ISREG(path.lstat().st_mode)
 
 
 def _flush(path: Path) -> None:

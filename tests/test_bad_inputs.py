@@ -571,6 +571,41 @@ def stripped(variable: str, attribute: str) -> Callable[[xr.Dataset], xr.Dataset
     return change
 
 
+def described(variable: str, attribute: str, words: str) -> Callable[[xr.Dataset], xr.Dataset]:
+    def change(dataset: xr.Dataset) -> xr.Dataset:
+        copy = dataset.copy(deep=True)
+        copy[variable].attrs[attribute] = words
+        return copy
+
+    return change
+
+
+def recoded(variable: str, kind: type) -> Callable[[xr.Dataset], xr.Dataset]:
+    def change(dataset: xr.Dataset) -> xr.Dataset:
+        attributes = dataset[variable].attrs
+        return dataset.assign({variable: dataset[variable].astype(kind).assign_attrs(attributes)})
+
+    return change
+
+
+def filled(variable: str, value: float) -> Callable[[xr.Dataset], xr.Dataset]:
+    """The first number of a variable replaced."""
+
+    def change(dataset: xr.Dataset) -> xr.Dataset:
+        copy = dataset.copy(deep=True)
+        copy[variable].values[(0,) * copy[variable].ndim] = value
+        return copy
+
+    return change
+
+
+def with_spectrum(value: float) -> Callable[[xr.Dataset], xr.Dataset]:
+    """A result of the same case with spectra, the first number of one of them replaced."""
+    return lambda dataset: filled("bogie_acceleration_psd", value)(
+        freqrail.sweep("yu-damper-joint", SMALL | {"frequency": "1, 10 Hz"}, psd=True)
+    )
+
+
 def all_nan(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.assign({name: dataset[name] * np.nan for name in dataset if name.endswith("_rms")})
 
@@ -610,6 +645,60 @@ NETCDF: dict[str, tuple[Callable[[Path], object], str]] = {
     "other labels": (rewritten(lambda d: d.assign_coords(bogie=["left", "right"])), "labels other than front, rear"),
     "no unit": (rewritten(stripped(RMS, "units")), f"{RMS} has no unit m s-2"),
     "no unit of an axis": (rewritten(stripped("speed", "units")), "speed has no unit of a speed"),
+    "another unit of an axis": (
+        rewritten(described("speed", "units", "m s-1")),
+        "speed is not in km/h, as its case has it (got 'm/s')",
+    ),
+    "another axis": (
+        rewritten(lambda d: xr.concat([d], "bogie_mass", coords="different", compat="equals")),
+        "has the dimension bogie_mass, which its case does not sweep",
+    ),
+    "labels in another order": (rewritten(lambda d: d.isel(bogie=[1, 0])), "bogie has its labels in another order"),
+    "no labels": (rewritten(lambda d: d.drop_vars("bogie")), "has no coordinate bogie"),
+    "an axis of text": (rewritten(recoded("speed", str)), "speed holds other values than numbers"),
+    "numbers as text": (rewritten(recoded(RMS, str)), f"{RMS} holds text, numbers of 64 bits (float64) are expected"),
+    "short numbers": (rewritten(recoded(RMS, np.float32)), f"{RMS} holds float32, numbers of 64 bits"),
+    "long statuses": (rewritten(recoded("status", np.int32)), "status holds int32, whole numbers of 8 bits"),
+    "a status without a meaning": (rewritten(filled("status", 99)), "status holds 99, which means nothing"),
+    "a method without a meaning": (rewritten(filled("method", -1)), "method holds -1, which means nothing"),
+    "other meanings": (
+        rewritten(described("status", "flag_meanings", "ok ok ok ok")),
+        "status has other flag_meanings than ok unresolved_peak",
+    ),
+    "a negative RMS": (rewritten(filled(RMS, -1.0)), f"{RMS} has 1 number not positive and finite"),
+    "an RMS of zero": (rewritten(filled(RMS, 0.0)), f"{RMS} has 1 number not positive and finite"),
+    "no error at all": (rewritten(filled(f"{RMS}_relative_error", 0.0)), "has 1 number not above 0 and up to 1e-06"),
+    "a large error": (rewritten(filled(f"{RMS}_relative_error", 1e-5)), "has 1 number not above 0 and up to 1e-06"),
+    "a hole in a spectrum": (
+        rewritten(with_spectrum(np.nan)),
+        "bogie_acceleration_psd has no number at 1 grid points whose status is ok",
+    ),
+    "warnings that are no JSON": (
+        rewritten(lambda d: d.assign_attrs(warnings="nothing")),
+        'its attribute warnings is no list of warnings in JSON (got "nothing")',
+    ),
+    "warnings without words": (rewritten(lambda d: d.assign_attrs(warnings="[{}]")), "is no list of warnings in JSON"),
+    "another vehicle": (
+        rewritten(lambda d: d.assign_coords(bogie_mass=d.bogie_mass + 50)),
+        "bogie_mass is not that of its case: 600 is expected (got 650)",
+    ),
+    "another unit of a scalar": (rewritten(described("bogie_mass", "units", "t")), "bogie_mass has no unit kg"),
+    "another compliance": (
+        rewritten(lambda d: d.assign_coords(primary_joint_compliance=2 * d.primary_joint_compliance)),
+        "primary_joint_compliance is not that of its case: 1 is expected (got 2)",
+    ),
+    "another band": (
+        rewritten(lambda d: d.assign_coords(band_upper_frequency=d.band_upper_frequency / 2)),
+        "band_upper_frequency is not that of its case: 100 is expected (got 50)",
+    ),
+    "another band in words": (
+        rewritten(lambda d: d.assign_attrs(band="0.1 to 50 Hz")),
+        'its attribute band is not that of its case: 0.1 to 100 Hz is expected (got "0.1 to 50 Hz")',
+    ),
+    "another digest of the case": (
+        rewritten(lambda d: d.assign_attrs(effective_case_sha256="0" * 64)),
+        "its attribute effective_case_sha256 is not that of its case",
+    ),
     "no flags": (rewritten(stripped("status", "flag_meanings")), "or no flag_meanings"),
     "no case": (rewritten(lambda d: d.drop_attrs().assign_attrs(dataset_schema_version=1)), "has no attribute"),
     "a broken case": (rewritten(lambda d: d.assign_attrs(effective_case="x")), "its effective_case is no case"),
@@ -633,6 +722,26 @@ def test_a_bad_netcdf_file_is_refused_by_name(row, here, intact, capsys):
         assert all(line.startswith("freqrail: error: bad.nc: ") for line in lines)
     assert [p.name for p in here.iterdir()] == ([] if before is None else ["bad.nc"])
     assert (path.read_bytes() if path.exists() else None) == before
+
+
+def test_a_part_of_a_result_is_one(here, intact, capsys):
+    rewritten(lambda d: d.isel(bogie=[1], primary_joint_stiffness=slice(1, None)))(Path(shutil.copy(intact, "part.nc")))
+    assert run(["show", "part.nc", "--at", "speed=250 km/h"]) == 0
+    shown = capsys.readouterr().out
+    (bogie,) = [line for line in shown.splitlines() if "bogie" in line and "acceleration" in line]
+    assert " rear " in bogie
+    assert run(["show", "part.nc", "--check"]) == 0
+    assert run(["plot", "part.nc"]) == 0
+    quick = ["--integrator", "exponential", "--duration", "20 s", "--realisations", "2", "--band", "0.5:20 Hz"]
+    assert run(["confirm", "part.nc", *quick, "--at", "speed=250 km/h"]) == 0
+    out = capsys.readouterr().out
+    assert "result check: 4 of 22 not checked (the result has no number there)" in out
+
+
+def test_check_names_numbers_that_are_text(here, intact, capsys):
+    rewritten(recoded(RMS, str))(Path(shutil.copy(intact, "text.nc")))
+    for command in (["show", "text.nc", "--check"], ["confirm", "text.nc"]):
+        refuses(command, 2, f"{RMS} holds text, numbers of 64 bits (float64) are expected", capsys)
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,16 @@ def test_a_folder_at_the_temporary_name_that_holds_anything_else_is_not(here, ca
     assert Path(".o.nc.partial", "thesis.tex").read_bytes() == PRECIOUS
 
 
+def test_nor_is_one_that_holds_a_link(here, capsys):
+    (here / "theirs.nc").write_bytes(b"theirs")
+    (here / ".o.nc.partial").mkdir()
+    (here / ".o.nc.partial" / "unfinished.nc").symlink_to(here / "theirs.nc")
+    assert commands.run(SWEEP) == 4
+    assert "is in the way of a temporary file, and none of freqrail's; remove it" in capsys.readouterr().err
+    assert (here / ".o.nc.partial" / "unfinished.nc").is_symlink()
+    assert (here / "theirs.nc").read_bytes() == b"theirs"
+
+
 def test_a_file_is_whole_or_what_it_was(here):
     Path("f").write_bytes(PRECIOUS)
 

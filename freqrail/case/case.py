@@ -126,8 +126,9 @@ def build_case(
     file: str = "case",
     stray_points: bool = False,
     scalars: bool = False,
+    axis_option: str = "--over",
 ) -> Case:
-    """`load_case` of TOML text; `file` is the name that messages bear.
+    """`load_case` of TOML text; `file` is the name that messages bear, `axis_option` that of the option behind `over`.
 
     stray_points: accept confirm points off the grid, as `settings` and `over` may leave them; confirming
     them is what fails then.
@@ -138,10 +139,11 @@ def build_case(
     tables = parse_toml(text, file)
     problems: list[str] = []
     origins: dict[tuple[str, ...], str] = {}
+    swept = {str(key).removeprefix("sweep.") for key in over or {}}
     for key, value in (settings or {}).items():
-        apply_setting(tables, key, value, problems, origins, scalars)
+        apply_setting(tables, key, value, problems, origins, scalars, swept)
     for key, value in (over or {}).items():
-        apply_axis(tables, key, value, problems, origins)
+        apply_axis(tables, key, value, problems, origins, axis_option)
 
     def where(*at: str) -> str:
         """The place that a message names: the option that set a key, or the file's own table and key."""

@@ -10,13 +10,14 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from freqrail import files
 from freqrail.case.axis import parse_axis
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
+from freqrail.case.quantities import split_number
 from freqrail.case.shipped import shipped_cases
 from freqrail.errors import InputError
 from freqrail.text import given
@@ -119,8 +120,10 @@ def apply_setting(
     problems: list[str],
     origins: dict[tuple[str, ...], str],
     scalars: bool = False,
+    swept: Collection[str] = (),
 ) -> None:
-    """Change one scalar of the tables; see `case.load_case` for `scalars`."""
+    """Change one scalar of the tables; see `case.load_case` for `scalars`. swept: names that `--over` gives besides,
+    of which `apply_axis` says that only one of the two can hold."""
     label = f"--set {key}"
     if key == "band":
         if str(value).strip().lower() != "none":
@@ -143,8 +146,11 @@ def apply_setting(
         known = known_keys.get(section, tuple(n for names in known_keys.values() for n in names))
         problems.append(f"{label}: unknown name{suggestion(name, known)}")
         return
-    if name in SWEEPABLE and name in table_of(tables, "sweep") and not scalars:
-        problems.append(f"{label}: {name} is swept by the case; give it one value with {_advised_axis(name, value)}")
+    if name in SWEEPABLE and name in table_of(tables, "sweep") and not scalars and name not in swept:
+        advised = _meant_axis(name, value)
+        several = parse_axis(PARAMETERS[name], advised).values.size > 1
+        words = "give it values" if several else "give it one value"
+        problems.append(f"{label}: {name} is swept by the case; {words} with {_advised_axis(name, value)}")
         return
     table = table_of(tables, owners[0])
     for group in (CONTACTS, ("frequency", "wavelength")):
@@ -162,31 +168,58 @@ def apply_setting(
 
 
 def apply_axis(
-    tables: dict[str, Any], key: str, value: str, problems: list[str], origins: dict[tuple[str, ...], str]
+    tables: dict[str, Any],
+    key: str,
+    value: str,
+    problems: list[str],
+    origins: dict[tuple[str, ...], str],
+    option: str = "--over",
 ) -> None:
+    """Replace or add an axis of the tables; `option` is what messages call the place that it comes from."""
     name = key.removeprefix("sweep.")
     if name not in (*SWEEPABLE, "frequency"):
-        problems.append(f"--over {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
+        problems.append(f"{option} {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
         return
     sweep = table_of(tables, "sweep")
     section = PARAMETERS[name].section
     if name in SWEEPABLE:  # `frequency` is the band's as a setting, that of spectra as an axis
         alike = CONTACTS if name in CONTACTS else (name,)
-        _refuse_both(f"--over {key}", [(section, other) for other in alike], problems, origins)
+        _refuse_both(f"{option} {key}", [(section, other) for other in alike], problems, origins)
     for other in CONTACTS if name in CONTACTS else ():
-        _refuse_both(f"--over {key}", [("sweep", other)], problems, origins)
+        _refuse_both(f"{option} {key}", [("sweep", other)], problems, origins)
         sweep.pop(other, None)
     sweep[name] = value
-    origins["sweep", name] = f"--over {key}"
+    origins["sweep", name] = f"{option} {key}"
 
 
 def _advised_axis(name: str, value: object) -> str:
-    """The option that gives a swept quantity its values: those that were meant, if they would be taken."""
+    """The option that gives a swept quantity its values."""
+    return f'{"--psd " if name == "frequency" else ""}--over "{name}={_meant_axis(name, value)}"'
+
+
+def _meant_axis(name: str, value: object) -> str:
+    """The values that were meant, in order, if they would be taken as an axis; else an example of one."""
+    for text in (value, _in_order(str(value))):
+        try:
+            return parse_axis(PARAMETERS[name], text).text
+        except ValueError:
+            continue
+    return PARAMETERS[name].example
+
+
+def _in_order(text: str) -> str:
+    """A list of values such as "10, 5, 5 MN/m" in increasing order, each once; any other text as it is."""
+    parts = text.split(",")
     try:
-        parse_axis(PARAMETERS[name], value)
+        numbers = [split_number(part, "", "") for part in parts]
     except ValueError:
-        value = PARAMETERS[name].example
-    return f'{"--psd " if name == "frequency" else ""}--over "{name}={value}"'
+        return text
+    if any(unit for _, unit in numbers[:-1]):
+        return text
+    shown = {number: part.strip() for (number, _), part in zip(numbers, parts, strict=True)}
+    unit = numbers[-1][1]
+    shown[numbers[-1][0]] = parts[-1].strip().removesuffix(unit).strip()
+    return f"{', '.join(shown[number] for number in sorted(shown))} {unit}".rstrip()
 
 
 def _refuse_both(

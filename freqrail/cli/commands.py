@@ -14,6 +14,7 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -222,10 +223,14 @@ def confirm(
     from freqrail.confirm.run import check_cost, prepare_run
     from freqrail.result.confirmation import problems
     from freqrail.result.netcdf import check_target, write_result
+    from freqrail.sweep.plausibility import attribute, recalled
     from freqrail.text import number, shown_bytes
 
     run = prepare_run(result, at or None, seed, realisations, duration, integrator, start, band)
-    _repeat_warnings(run.dataset)
+    on_grid = any(not place.anew for place in run.places)
+    _repeat_warnings(recalled(run.dataset.attrs) if on_grid else [])
+    own = _of_points_off_the_grid(run)
+    _repeat_warnings(own)
     wanted = Path(result).with_name(f"{Path(result).stem}-confirmation.nc") if output is None else output
     target = check_target(wanted, overwrite, (result,), run.stored_bytes)
     needed = check_cost(run, max_time, jobs)
@@ -237,6 +242,8 @@ def confirm(
     with progress("simulated seconds", math.ceil(run.simulated_seconds)) as advance:
         found = carry_out(run, jobs, advance)
     elapsed = time.perf_counter() - begin
+    if own:
+        found = found.assign_attrs(warnings=attribute([*recalled(found.attrs), *own]))
     write_result(found, target, overwrite)
     faults = problems(found)
     facts, lines = confirmation_text(found)
@@ -268,11 +275,16 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
     prepare_matplotlib()
     from freqrail.figures import plot as figures
-    from freqrail.result.points import read_result
+    from freqrail.result.confirmation import is_confirmation
+    from freqrail.result.points import find_place, read_result
+    from freqrail.sweep import off_grid
+    from freqrail.sweep.plausibility import recalled
 
     point = _one_point(at)
     dataset = read_result(result)
-    _repeat_warnings(dataset)
+    place = None if is_confirmation(dataset) else find_place(dataset, point)
+    # what is off the grid is computed anew where a figure holds it; the rest of the figures is the result's own
+    _repeat_warnings([*recalled(dataset.attrs), *(off_grid.warned(place) if place and place.anew else [])])
     folder = output or str(Path(result).with_name(f"{Path(result).stem}-figures"))
     with progress("figures", figures.figure_count(dataset, point)) as advance:
         paths = figures.plot(dataset, folder, file_format, point, advance)
@@ -353,9 +365,9 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
 def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> None:
     from freqrail.cli import tables as cli_tables
     from freqrail.result.confirmation import is_confirmation
-    from freqrail.result.points import example_point, read_result, result_case
+    from freqrail.result.points import example_point, find_place, read_result, result_case
     from freqrail.result.sandbox import check_result
-    from freqrail.sweep import plausibility
+    from freqrail.sweep import off_grid, plausibility
 
     point = _one_point(at)
     if check:
@@ -363,13 +375,14 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
     dataset = read_result(what)
-    warned = _repeat_warnings(dataset)
+    if point is not None and not is_confirmation(dataset):
+        warned = _repeat_warnings(off_grid.warned(find_place(dataset, point)))
+        facts, lines = cli_tables.result_point(dataset, point)
+        report(facts | {"warnings": warned}, as_json, *lines)
+        return
+    warned = _repeat_warnings(plausibility.recalled(dataset.attrs))
     if is_confirmation(dataset):
         facts, lines = cli_tables.confirmation_text(dataset, point)
-        report(facts, as_json, *lines)
-        return
-    if point is not None:
-        facts, lines = cli_tables.result_point(dataset, point)
         report(facts, as_json, *lines)
         return
     parts = {"axes": cli_tables.result_axes(dataset), "ranges": cli_tables.result_ranges(dataset)}
@@ -427,15 +440,23 @@ def _one_point(at: Sequence[str]) -> Any:
     return parse_point(at[0]) if at else None
 
 
-def _repeat_warnings(dataset: Any) -> list[dict[str, Any]]:
-    """Say again what was warned of when a result was computed; all that its file keeps of it, accepted or not."""
-    from freqrail.sweep.plausibility import recalled
+def _repeat_warnings(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Warn of what was told of a result or of a point (see `plausibility.recalled`), each once, but for what its case
+    accepts; returns the records."""
+    for text in dict.fromkeys(record["text"] for record in records if not record["accepted"]):
+        warnings.warn(text, FreqrailWarning, stacklevel=2)
+    return records
 
-    warned = recalled(dataset.attrs)
-    for record in warned:
-        if not record["accepted"]:
-            warnings.warn(record["text"], FreqrailWarning, stacklevel=2)
-    return warned
+
+def _of_points_off_the_grid(run: Any) -> list[dict[str, Any]]:
+    """What is to be told of the points of a confirmation that are computed anew, but for what `run.told_of` tells."""
+    from freqrail.sweep import off_grid
+
+    found = []
+    for place, label in zip(run.places, run.labels, strict=True):
+        for record in off_grid.warned(replace(place, told=())) if place.anew else ():
+            found.append({**record, "text": f"{label}: {record['text']}"})
+    return found
 
 
 # --- helpers ---------------------------------------------------------------------------------------

@@ -267,7 +267,9 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         for key in (f"{name}_rms", f"{TWIN}{name}_rms", f"{name}_rms_relative_error"):
             array = dataset[key]
             values[key] = np.atleast_1d(array.isel({k: i for k, i in indices.items() if k in array.dims}).values)
-        for place, label in enumerate(response.positions or ("",)):
+        # a part of a result may hold some of the positions
+        labels = np.atleast_1d(dataset[response.dimension].values).tolist() if response.dimension else [""]
+        for place, label in enumerate(labels):
             joint, rigid, error = (float(v[place]) for v in values.values())
             records.append(
                 {

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail.confirm import setup as confirm_setup
@@ -14,7 +15,7 @@ from freqrail.confirm.references import References
 from freqrail.confirm.run import Run
 from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
-from freqrail.model.responses import PREFIXES, series_count
+from freqrail.model.responses import PREFIXES, RESPONSES, series_count
 from freqrail.result import verdicts
 from freqrail.result.confirmation import series_of
 
@@ -116,5 +117,14 @@ def _stored(run: Run, kind: str) -> NDArray[np.float64]:
                 for point, place in enumerate(run.places):
                     at = {dim: i for dim, i in place.index.items() if dim in variable.dims}
                     if not place.anew:
-                        rows[point, model, part] = variable.isel(at).values
+                        rows[point, model, part] = _at_all_positions(variable.isel(at), name)
     return rows
+
+
+def _at_all_positions(numbers: xr.DataArray, name: str) -> NDArray[np.float64]:
+    """A response of which a part of a result may hold some of the positions, NaN at the others."""
+    response = RESPONSES[name]
+    if not response.dimension:
+        return numbers.values
+    held = numbers if response.dimension in numbers.dims else numbers.expand_dims(response.dimension)
+    return held.reindex({response.dimension: list(response.positions)}).values

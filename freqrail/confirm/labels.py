@@ -22,7 +22,7 @@ from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import statistics
 from freqrail.confirm.judging import Judgement, by_model, judge
 from freqrail.confirm.references import References
-from freqrail.confirm.run import Run
+from freqrail.confirm.run import Run, told_of
 from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
 from freqrail.model.band import band_text
@@ -34,6 +34,7 @@ from freqrail.result.confirmation import CHECKS, series_labels, series_of
 from freqrail.result.content import content_digest, whole
 from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates
 from freqrail.result.layout import flags
+from freqrail.result.points import example_point
 
 TRACK_TOLERANCE = 1e-4  # of the record's standard deviation
 RANGES = ("3-25 m", "band")
@@ -286,6 +287,7 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
         "source": f"freqrail {versions['freqrail']}, simulation of the half vehicle against its frequency response",
         "result_content_digest": content_digest(run.dataset),
         "result_band": str(run.dataset.attrs["band"]),
+        "grid_point": example_point(run.dataset),
         "band": band_text(run.band),
         "seed": whole(setup.seed),
         "realisations": whole(setup.realisations),
@@ -311,6 +313,16 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
             for model, fault in e.failures.items()
         ),
         "versions": json.dumps(versions),
-        "warnings": str(run.dataset.attrs.get("warnings", "")),
+        "warnings": _warnings(run),
     }
     return {key: value for key, value in (described | conditions).items() if str(value) != ""}
+
+
+def _warnings(run: Run) -> str:
+    """The result's warnings, if any point is on its grid, and what is told of those that are not, as a result has them
+    (JSON); "" if there is nothing."""
+    on_grid = any(not place.anew for place in run.places)
+    records = json.loads(str(run.dataset.attrs.get("warnings") or "[]")) if on_grid else []
+    for line in (line for place in run.places for line in told_of(place)):
+        records.append({"name": "computed_anew", "accepted": False, "text": line})
+    return json.dumps(records, ensure_ascii=False) if records else ""

@@ -226,11 +226,14 @@ def _places(dataset: xr.Dataset, case: Case, at: GivenPoints | None) -> list[Pla
     if problems:
         raise InputError(*problems)
     for place in places:
-        if place.note:
-            warnings.warn(
-                f"{place.note}; its number is that of the case, not of the file", FreqrailWarning, stacklevel=3
-            )
+        for line in told_of(place):
+            warnings.warn(line, FreqrailWarning, stacklevel=3)
     return places
+
+
+def told_of(place: Place) -> tuple[str, ...]:
+    """What is warned of a point off the grid when it is found, and kept in the confirmation; nothing of another."""
+    return (f"{place.note}; its number is that of the case, not of the file", *place.told) if place.anew else ()
 
 
 def _own_points(dataset: xr.Dataset, case: Case) -> list[tuple[str, Point | None]]:

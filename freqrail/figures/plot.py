@@ -21,7 +21,7 @@ from freqrail.figures.sweeps import Drawing, drawings, stored
 from freqrail.result import manifest
 from freqrail.result.axes import first_failures
 from freqrail.result.confirmation import is_confirmation
-from freqrail.result.points import Point, confirmed_point, off_grid, read_result, result_case
+from freqrail.result.points import Point, confirmed_point, off_grid, outside, read_result, result_case
 from freqrail.sweep.off_grid import find
 from freqrail.types import Progress
 
@@ -101,7 +101,8 @@ def note(dataset: xr.Dataset, at: Point | None = None) -> str | None:
     off = off_grid(dataset, at)[1]
     held = [name for name in off if any(name not in drawing.axes for drawing in drawings(dataset).values())]
     values = ", ".join(f"{name} = {off[name].text}" for name in held)
-    return f"computed anew where a figure holds it: {values} is not on the result's grid" if held else None
+    beyond = outside(dataset, {name: off[name] for name in held})
+    return f"computed anew where a figure holds it: {values} is not on the result's grid{beyond}" if held else None
 
 
 def hint(dataset: xr.Dataset) -> str | None:

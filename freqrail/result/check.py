@@ -1,4 +1,4 @@
-"""What a result of `freqrail sweep` must hold: variables, dimensions, units and statuses that fit each other.
+"""What a result of `freqrail sweep` must hold: variables, dimensions, units, numbers and statuses that fit each other.
 
 A digest tells whether a file is what was written; this tells whether what was written is a result. A dataset
 that other hands have cut, renamed or filled and written anew has a digest that matches. No case is read here:
@@ -7,23 +7,28 @@ whether the axes are those of the case in the file is for `points.read_result` t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from freqrail.case.parameters import JOINTS, SWEEPABLE
 from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
 from freqrail.result.axes import swept
 from freqrail.result.content import PIECE, pieces
+from freqrail.solver.solution import METHOD, STATUS, TOLERANCE
+from freqrail.text import counted, given
 
 ATTRIBUTES = ("case_name", "effective_case", "band", "source")
 
 
 def faults(dataset: xr.Dataset) -> list[str]:
     """What keeps a dataset from being a result of a sweep, a line each; none if it is one, or a confirmation."""
-    if "verdict_solver" in dataset:  # a confirmation
-        return []
+    told = _warning_faults(dataset)
+    if told or "verdict_solver" in dataset:  # a confirmation
+        return told
     missing = [f"has no attribute {name}" for name in ATTRIBUTES if name not in dataset.attrs]
     missing += [f"has no variable {p}{k}" for p in PREFIXES for k in ("status", "method") if f"{p}{k}" not in dataset]
     missing += (
@@ -43,19 +48,42 @@ def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[s
             yield f"status has the dimension {name}, which no sweep has"
         elif name not in dataset.coords:
             yield f"has no coordinate {name}"
+        elif dataset[name].dtype.kind not in "iuf" or np.isnan(dataset[name].values).any():
+            yield f"{name} holds other values than numbers"
+    if "frequency" in dataset.dims and (
+        "frequency" not in dataset.coords or not _is_float(dataset["frequency"]) or np.isnan(dataset["frequency"]).any()
+    ):
+        yield "frequency holds other values than numbers"
     for name, dimension in DIMENSIONS.items():
-        if name in dataset.coords and not set(dataset[name].values.tolist()) <= set(dimension.labels):
-            yield f"{name} has labels other than {', '.join(map(str, dimension.labels))}"
+        if name in dataset.coords:
+            found = np.atleast_1d(dataset[name].values).tolist()
+            if not set(found) <= set(dimension.labels):
+                yield f"{name} has labels other than {', '.join(map(str, dimension.labels))}"
+            elif found != [label for label in dimension.labels if label in found]:
+                yield f"{name} has its labels in another order than {', '.join(map(str, dimension.labels))}"
+        elif name in dataset.dims:
+            yield f"has no coordinate {name}"
+
+
+def _warning_faults(dataset: xr.Dataset) -> list[str]:
+    """What is wrong with the attribute of what was warned of (see `plausibility.stored`)."""
+    text = dataset.attrs.get("warnings") or "[]"
+    try:
+        records = json.loads(str(text))
+        right = [isinstance(r["text"], str) and isinstance(r["accepted"], bool) for r in records]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        right = [False]
+    return [] if all(right) else [f"its attribute warnings is no list of warnings in JSON {given(text)}"]
 
 
 def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
     first_schema = dataset.attrs.get("dataset_schema_version") == 1  # it wrote spectra as "(m s-2)2 Hz-1"
     for prefix in PREFIXES:
         own = axes if not prefix else tuple(name for name in axes if name not in JOINTS)
-        for flags in (f"{prefix}status", f"{prefix}method"):
-            if dataset[flags].dims != own or "flag_meanings" not in dataset[flags].attrs:
-                yield f"{flags} has other dimensions than {', '.join(own) or 'none'}, or no flag_meanings"
-                return
+        unreadable = list(_flag_faults(dataset, prefix, own))
+        if unreadable:
+            yield from unreadable
+            return
         for name, response in RESPONSES.items():
             place = (response.dimension,) if response.dimension else ()
             kinds = {"_rms": response.unit, "_rms_relative_error": "1", "_psd": response.psd_unit}
@@ -72,17 +100,59 @@ def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str
                     yield f"{variable} has the dimensions {', '.join(map(str, array.dims)) or 'none'}"
                 elif array.attrs.get("units") not in (unit, former[kind]):
                     yield f"{variable} has no unit {unit} (got {array.attrs.get('units', 'none')!r})"
-                elif kind != "_psd":
-                    wrong = _without_number(array, dataset[f"{prefix}status"])
-                    if wrong:
-                        yield f"{variable} has no number at {wrong} grid points whose status is ok"
+                elif not _is_float(array):
+                    yield f"{variable} holds {_kind(array)}, numbers of 64 bits (float64) are expected"
+                else:
+                    yield from _number_faults(array, kind, dataset[f"{prefix}status"])
 
 
-def _without_number(array: xr.DataArray, status: xr.DataArray) -> int:
-    """How many grid points are ok by their status and yet lack a number, read in pieces."""
-    count = 0
+def _flag_faults(dataset: xr.Dataset, prefix: str, axes: tuple[str, ...]) -> Iterator[str]:
+    """What is wrong with the statuses and methods of a model."""
+    for name, meanings in ((f"{prefix}status", STATUS), (f"{prefix}method", METHOD)):
+        flags = dataset[name]
+        if flags.dims != axes or "flag_meanings" not in flags.attrs:
+            yield f"{name} has other dimensions than {', '.join(axes) or 'none'}, or no flag_meanings"
+        elif flags.attrs["flag_meanings"] != " ".join(meanings):
+            yield f"{name} has other flag_meanings than {' '.join(meanings)}"
+        elif flags.dtype != np.int8:
+            yield f"{name} holds {_kind(flags)}, whole numbers of 8 bits (int8) are expected"
+        else:
+            strange = np.unique(flags.values[(flags.values < 0) | (flags.values >= len(meanings))])
+            if strange.size:
+                yield f"{name} holds {strange[0]}, which means nothing: 0 to {len(meanings) - 1} are expected"
+
+
+_EXPECTED: dict[str, tuple[str, Callable[[NDArray], NDArray]]] = {
+    "_rms": ("not positive and finite", lambda v: np.isnan(v) | ((v > 0) & (v < np.inf))),
+    "_rms_relative_error": (
+        f"not above 0 and up to {TOLERANCE:g}",
+        lambda v: np.isnan(v) | ((v > 0) & (v <= TOLERANCE)),
+    ),
+    "_psd": ("", lambda v: np.ones_like(v, dtype=bool)),  # of the deepest dips rounding may leave anything
+}
+"""By kind of variable, what its numbers may not be, in words, and which of them are right."""
+
+
+def _number_faults(array: xr.DataArray, kind: str, status: xr.DataArray) -> Iterator[str]:
+    """What is wrong with the numbers of a variable, read in pieces."""
+    lacking = wrong = 0
+    words, is_right = _EXPECTED[kind]
     for piece in pieces(array.shape, PIECE // 8):
+        values = array[piece].values
         ok = status[piece[: status.ndim]].values == 0
-        finite = np.isfinite(array[piece].values).reshape(*ok.shape, -1).all(axis=-1)
-        count += int(np.sum(ok & ~finite))
-    return count
+        # a spectrum may be infinite, where an undamped mode lies beside the band
+        has = ~np.isnan(values) if kind == "_psd" else np.isfinite(values)
+        lacking += int(np.sum(ok & ~has.reshape(*ok.shape, -1).all(axis=-1)))
+        wrong += int(np.sum(~is_right(values)))
+    if lacking:
+        yield f"{array.name} has no number at {lacking} grid points whose status is ok"
+    if wrong:
+        yield f"{array.name} has {counted(wrong, 'number')} {words}"
+
+
+def _is_float(array: xr.DataArray) -> bool:
+    return array.dtype == np.float64
+
+
+def _kind(array: xr.DataArray) -> str:
+    return "text" if array.dtype.kind in "OUS" else str(array.dtype)

@@ -57,10 +57,18 @@ def problems(dataset: xr.Dataset) -> list[str]:
             model = [f"{dataset['model'].values[m]} model" for m in index[1:]]
             where = ", ".join([str(dataset["place"].values[index[0]]), *model])
             lines.append(f"{where}: {check.replace('_', ' ')} check {how}: {shown}{_remark(dataset, check, index)}")
-    held = dataset["verdict_result"].values[dataset["computed_anew"].values == 0]
-    if held.size and (held == verdicts.NOT_CHECKED).all():
-        lines.append("nothing of the result was checked: it has no number at the points confirmed")
+    if (dataset["verdict_result"].values == verdicts.NOT_CHECKED).all():
+        lines.append(_nothing_compared(dataset))
     return lines
+
+
+def _nothing_compared(dataset: xr.Dataset) -> str:
+    """What a line of `problems` says where no number of the result was compared: why, and what to do."""
+    if not dataset["computed_anew"].values.all():
+        return "nothing of the result was checked: it has no number at the points confirmed"
+    point = dataset.attrs.get("grid_point")
+    advice = f'name one of the grid, as in --at "{point}"' if point else "name one of the grid with --at"
+    return f"nothing of the result was checked: its grid holds no point confirmed, all were computed anew; {advice}"
 
 
 def _remark(dataset: xr.Dataset, check: str, index: NDArray[np.int64]) -> str:

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from freqrail.case.axis import Axis, is_same
+from freqrail.case.axis import SAME, Axis, is_same
 from freqrail.case.case import Case, build_case, place_point
-from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
-from freqrail.case.quantities import Quantity, parse_quantity, unit_factor
+from freqrail.case.parameters import COMPLIANCES, PARAMETERS, SWEEPABLE, Parameter, suggestion
+from freqrail.case.quantities import Quantity, parse_quantity, typed_unit, unit_factor
 from freqrail.errors import FreqrailWarning, InputError
+from freqrail.model.band import band_text
 from freqrail.model.responses import RESPONSES
 from freqrail.result.axes import axis_label, axis_unit, grid_axis, swept
 from freqrail.result.confirmation import is_confirmation
-from freqrail.result.labels import skeleton
+from freqrail.result.labels import coordinate, scalar_coordinates, skeleton
 from freqrail.result.layout import Layout
 from freqrail.result.netcdf import open_result
+from freqrail.text import given
 
 Point = Mapping[str, Quantity]
 
@@ -78,18 +82,60 @@ def _case_faults(dataset: xr.Dataset) -> list[str]:
         case = result_case(dataset)
     except InputError as fault:
         return [f"its effective_case is no case: {problem}" for problem in fault.problems]
-    faults = [
-        f"has no dimension {axis.name}, which its case sweeps" for axis in case.axes if axis.name not in dataset.dims
-    ]
+    axes = {axis.name: axis for axis in case.axes}
+    faults = [f"has no dimension {name}, which its case sweeps" for name in axes if name not in dataset.dims]
     for name in swept(dataset):
-        unit, parameter = axis_unit(dataset, name), PARAMETERS[name]
-        try:
-            right = unit_factor(unit)[1] == unit_factor(parameter.unit)[1]
-        except ValueError:
-            right = False
-        if not right:
-            faults.append(f"{name} has no unit of a {parameter.kind} (got {unit!r})")
-    return faults
+        if name not in axes:
+            faults.append(f"has the dimension {name}, which its case does not sweep; read it with xarray")
+            continue
+        unit, right = axis_unit(dataset, name), _axis_unit_of(dataset, axes[name], case)
+        if not _is_unit_of(unit, PARAMETERS[name]):
+            faults.append(f"{name} has no unit of a {PARAMETERS[name].kind} (got {unit!r})")
+        elif unit_factor(unit) != unit_factor(right):
+            faults.append(f"{name} is not in {right}, as its case has it (got {unit!r})")
+    return faults or [*_contradictions(dataset, case)]
+
+
+def _contradictions(dataset: xr.Dataset, case: Case) -> Iterator[str]:
+    """What of a result's attributes and coordinates is not what its case gives."""
+    digest = hashlib.sha256(str(dataset.attrs["effective_case"]).encode()).hexdigest()
+    for name, right in (("effective_case_sha256", digest), ("band", band_text(case.band))):
+        if dataset.attrs.get(name, right) != right:
+            yield f"its attribute {name} is not that of its case: {right} is expected {given(dataset.attrs[name])}"
+    expected: dict[str, tuple[tuple[str, ...], NDArray[np.float64], dict[str, str]]] = {}
+    expected |= scalar_coordinates(case, case.band)
+    for joint in {*swept(dataset)} & {*COMPLIANCES}:
+        compliance = COMPLIANCES[joint]
+        values, attributes = coordinate(grid_axis(dataset, joint), case.masses)[compliance][1:]
+        expected[compliance] = ((joint,), values, attributes)
+    for name, (dims, values, attributes) in expected.items():
+        if name not in dataset.coords:
+            continue
+        array = dataset[name]
+        if array.dims != dims or array.dtype != np.float64:
+            where = f"along {', '.join(dims)}" if dims else "one number"
+            yield f"{name} is not {where}, as its case has it; read it with xarray"
+        elif array.attrs.get("units") != attributes.get("units"):
+            yield f"{name} has no unit {attributes.get('units')} (got {array.attrs.get('units', 'none')!r})"
+        elif not np.allclose(array.values, values, rtol=SAME, atol=0.0):
+            at = np.argmax(~np.isclose(array.values, values, rtol=SAME, atol=0.0))
+            own, wanted = (float(np.ravel(v)[at]) for v in (array.values, values))
+            yield f"{name} is not that of its case: {wanted:.10g} is expected (got {own:.10g})"
+
+
+def _axis_unit_of(dataset: xr.Dataset, axis: Axis, case: Case) -> str:
+    """The unit, as users type it, in which a result of a case has an axis."""
+    if dataset.attrs.get("dataset_schema_version") == 1:  # in the spelling of the case
+        return axis.unit
+    attributes = coordinate(axis, case.masses)[axis.name][2]
+    return typed_unit(attributes.get("units", attributes.get("user_units", "")))
+
+
+def _is_unit_of(unit: str, parameter: Parameter) -> bool:
+    try:
+        return unit_factor(unit)[1] == unit_factor(parameter.unit)[1]
+    except ValueError:
+        return False
 
 
 def example_point(dataset: xr.Dataset) -> str:
@@ -141,18 +187,21 @@ class Place:
 
     dataset: the result itself, or the coordinates and the case (see `result_case`) of the point where the result's
     grid does not hold it. index: place along every swept parameter, those kept whole left out. anew: the swept
-    parameters whose value the result's grid lacks, none if the numbers are the result's own.
+    parameters whose value the result's grid lacks, none if the numbers are the result's own. beyond: see
+    `outside`. told: what was warned of when the case of a point off the grid was read.
     """
 
     dataset: xr.Dataset
     index: Mapping[str, int]
     anew: tuple[str, ...]
+    beyond: str = ""
+    told: tuple[str, ...] = ()
 
     @property
     def note(self) -> str:
         """What is not the result's own, in words; "" if nothing."""
         values = [f"{name} = {axis_label(self.dataset, name, self.index[name])}" for name in self.anew]
-        return f"computed anew: {', '.join(values)} is not on the result's grid" if values else ""
+        return f"computed anew: {', '.join(values)} is not on the result's grid{self.beyond}" if values else ""
 
 
 def find_place(
@@ -171,6 +220,12 @@ def find_place(
     if not off:
         return Place(dataset, index, ())
     case = result_case(dataset)
+    stray = {*swept(dataset)} - {axis.name for axis in case.axes}
+    if stray:  # results put together in memory: their case is that of the first
+        raise InputError(
+            f"{origin} {', '.join(off)}: off the grid, and cannot be computed anew: the result's case does not sweep "
+            f"{', '.join(sorted(stray))}"
+        )
     over = {name: quantity.text for name, quantity in off.items()}
     for axis in case.axes:
         si = grid_axis(dataset, axis.name).si
@@ -178,10 +233,22 @@ def find_place(
             over[axis.name] = _axis_text(axis, si[[index[axis.name]]])
         elif axis.name in keep and not np.array_equal(si, axis.si):  # a part that the caller has cut out
             over[axis.name] = _axis_text(axis, si)
-    own = build_case(case.effective, over=over, name=case.name, stray_points=True)
-    return Place(
-        skeleton(layout_of(dataset, own)), {name: 0 for name in swept(dataset) if name not in keep}, tuple(off)
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FreqrailWarning)  # for the caller to tell, once
+        own = build_case(case.effective, over=over, name=case.name, stray_points=True, axis_option=origin)
+    index = {name: 0 for name in swept(dataset) if name not in keep}
+    return Place(skeleton(layout_of(dataset, own)), index, tuple(off), outside(dataset, off), own.warnings)
+
+
+def outside(dataset: xr.Dataset, off: Mapping[str, Quantity]) -> str:
+    """Which values off a result's grid lie beyond its ends, to end a message with; "" if none does."""
+    found = []
+    for name, quantity in off.items():
+        si = grid_axis(dataset, name).si
+        if not si.min() <= quantity.value <= si.max():
+            ends = [axis_label(dataset, name, int(at)) for at in (np.argmin(si), np.argmax(si))]
+            found.append(f"{name} (swept: {' to '.join(dict.fromkeys(ends))})")
+    return f"; outside the swept range: {', '.join(found)}" if found else ""
 
 
 def layout_of(dataset: xr.Dataset, case: Case) -> Layout:

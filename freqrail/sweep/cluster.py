@@ -6,6 +6,7 @@ worker that dies costs its block's time, for the scheduler gives the block to an
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import re
@@ -32,9 +33,8 @@ from freqrail.version import __version__
 TIMEOUT = 10.0
 """Seconds for a scheduler, and then a worker, to answer, in all."""
 AHEAD = 3  # blocks under way for every worker thread: enough to keep it busy, few enough to hold in memory
-_ADDRESS = re.compile(
-    r"(tcp|tls)://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?):([0-9]{1,5})", re.ASCII
-)
+_LABEL = r"[A-Za-z0-9](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9])?"
+_ADDRESS = re.compile(rf"(tcp|tls)://(\[[0-9A-Fa-f:.]+\]|{_LABEL}(?:\.{_LABEL})*):([0-9]{{1,5}})", re.ASCII)
 _LONGEST_HOST = 253
 _GREETING = b"pickle-protocol"  # every scheduler of dask speaks first and says what it can read
 _GREETING_BYTES = 10_000
@@ -133,6 +133,7 @@ def _client(address: str) -> Iterator[Any]:
                 end = time.monotonic() + TIMEOUT
             else:
                 _in_time(lambda seconds: _greet(address, seconds), TIMEOUT / 2)
+                _in_time(lambda seconds: _identify(address, seconds), left() / 2)
             client = stack.enter_context(Client(where, timeout=left(), set_as_default=False))
             client.wait_for_workers(1, timeout=left())
         except FileError:
@@ -165,6 +166,32 @@ def _greet(address: str, seconds: float) -> None:
             heard += more
             if not more or len(heard) > _GREETING_BYTES:
                 raise ConnectionError("what answers there is no scheduler of dask")
+
+
+def _identify(address: str, seconds: float) -> None:
+    """Raise OSError unless what greets like a scheduler of dask answers like one.
+
+    A client of the library that was told nonsense waits for it for another twenty seconds when it is thrown away.
+    """
+    from distributed.comm import connect
+    from distributed.core import send_recv
+    from distributed.security import Security
+
+    async def ask() -> Any:
+        comm = await connect(address, timeout=seconds, **Security().get_connection_args("client"))
+        try:
+            return await send_recv(comm, op="identity", reply=True)
+        finally:
+            comm.abort()
+
+    try:
+        answer = asyncio.run(asyncio.wait_for(ask(), seconds))
+    except (OSError, TimeoutError):
+        raise
+    except Exception:  # whatever nonsense makes of the library: an array of exabytes, text that is none
+        answer = None
+    if not isinstance(answer, Mapping) or answer.get("type") != "Scheduler":
+        raise ConnectionError("what answers there is no scheduler of dask")
 
 
 def _certificates(address: str) -> Any:

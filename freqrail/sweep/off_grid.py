@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import xarray as xr
 
 from freqrail.result.points import Place, Point, find_place, layout_of, result_case
+from freqrail.sweep import plausibility
 from freqrail.sweep.plan import Plan
 from freqrail.sweep.sweep import compute
 
@@ -27,5 +29,12 @@ def find(dataset: xr.Dataset, point: Point | None = None, keep: Sequence[str] = 
     if not found.anew:
         return found
     computed = compute(Plan.for_layout(layout_of(dataset, result_case(found.dataset))))
-    computed.attrs |= {ATTRIBUTE: " ".join(found.anew), **{k: v for k, v in dataset.attrs.items() if k == "warnings"}}
-    return replace(found, dataset=computed)
+    return replace(found, dataset=computed.assign_attrs({ATTRIBUTE: " ".join(found.anew)}))
+
+
+def warned(place: Place) -> list[dict[str, Any]]:
+    """What is to be told of a point, as `plausibility.recalled`: its own off the grid, else what the result has."""
+    if not place.anew:
+        return plausibility.recalled(place.dataset.attrs)
+    case = replace(result_case(place.dataset), warnings=place.told)
+    return plausibility.recalled({"warnings": plausibility.stored(plausibility.concerns(case), case)})

@@ -319,7 +319,7 @@ def _advice(case: Case, first: str) -> str:
             clear &= _inside(wavelengths(band, case.speeds()), usual["wavelengths"])
         if clear:
             unit = "Hz" if kind == "frequency" else "m"
-            return f'a band clear of it: --set "{kind}={band.low:g}:{band.high:g} {unit}"'
+            return f'for a band clear of it sweep (anew) with --set "{kind}={band.low:g}:{band.high:g} {unit}"'
     return "no band is clear of it: check wheelset_mass and the contact stiffness, or sweep fewer speeds"
 
 
@@ -421,4 +421,9 @@ def stored(found: tuple[Concern, ...], case: Case) -> str:
         record = {k: v for k, v in asdict(concern).items() if k in ("name", "accepted", "text")}
         ends = {key: [str(x) if math.isinf(x) else x for x in getattr(concern, key)] for key in ("measured", "usual")}
         records.append({**record, **ends})
+    return attribute(records)
+
+
+def attribute(records: list[dict[str, Any]]) -> str:
+    """Records as a file's attribute keeps them (JSON), see `recalled`; "" if there are none."""
     return json.dumps(records, ensure_ascii=False) if records else ""

@@ -1036,7 +1036,10 @@ def test_settings_change_scalars_and_over_changes_axes():
 )
 def test_a_quantity_is_set_or_swept_but_not_both(settings, over, problem):
     """Whichever was applied last, the other would be ignored in silence."""
-    assert problem in refusal(lambda: build_case(drop("sweep"), settings, over))
+    for text in (drop("sweep"), PLAIN):  # also of what the case sweeps itself
+        told = refusal(lambda text=text: build_case(text, settings, over))
+        assert problem in told
+        assert "is swept by the case" not in " ".join(told)
 
 
 def test_the_band_may_be_set_beside_the_frequencies_of_spectra():
@@ -1096,7 +1099,19 @@ SETTINGS = {
     "an unknown spectrum": ({"spectrum": "german"}, "--set spectrum: unknown spectrum (did you mean german-low?)"),
     "masses of neither": ({"masses": "hole"}, '--set masses: must be "half" (masses'),
     "values of a swept name that no axis takes": (
-        {"primary_joint_stiffness": "10, 5 MN/m"},
+        {"primary_joint_stiffness": "10, 5, 5 MN/m"},
+        'is swept by the case; give it values with --over "primary_joint_stiffness=5, 10 MN/m"',
+    ),
+    "values of a swept name": (
+        {"primary_joint_stiffness": "10, 20 MN/m"},
+        'give it values with --over "primary_joint_stiffness=10, 20 MN/m"',
+    ),
+    "values of a swept name, one of them rigid": (
+        {"primary_joint_stiffness": "inf, 0.5"},
+        'give it one value with --over "primary_joint_stiffness=5 MN/m"',
+    ),
+    "values of a swept name of two units": (
+        {"primary_joint_stiffness": "10 MN/m, 5 MN/m"},
         'give it one value with --over "primary_joint_stiffness=5 MN/m"',
     ),
     "values of an axis that no axis takes": (

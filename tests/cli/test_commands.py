@@ -159,6 +159,65 @@ def test_show_off_the_grid_computes_the_point_anew_and_says_so(result, here, cap
     assert "anew" not in capsys.readouterr().out
 
 
+SOFT = "speed=400 km/h, primary_joint_stiffness=0.001 MN/m"
+
+
+def warned(capsys) -> list[str]:
+    return [line.removeprefix("freqrail: warning: ") for line in lines(capsys) if ": warning: " in line]
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory):
+    """A result up to 120 km/h, over wavelengths of which the sweep warns."""
+    path = tmp_path_factory.mktemp("slow") / "slow.nc"
+    case = freqrail.load_case("yu-damper-joint").text.replace("wavelengths = [", "track_height = [0.01, 10.0] #")
+    path.with_suffix(".toml").write_text(case)
+    over = ["--over", "speed=40:120:20 km/h", "--over", "primary_joint_stiffness=0.5, 5 MN/m"]
+    assert run(["sweep", str(path.with_suffix(".toml")), *over, "-o", str(path)]) == 0
+    return path
+
+
+def test_a_point_computed_anew_has_its_own_warnings_and_not_the_grids(slow, here, capsys):
+    assert run(["show", str(slow)]) == 0
+    (of_the_grid,) = warned(capsys)
+    assert "wavelengths in the band 0.111 to 333 m" in of_the_grid
+    assert "sweep (anew) with --set" in of_the_grid
+    point = [f"--over={name}={value}" for name, value in (part.split("=") for part in SOFT.split(", "))]
+    case = str(slow.with_suffix(".toml"))
+    assert run(["sweep", case, *point, "--over", "secondary_joint_stiffness=5 MN/m", "-o", "own.nc"]) == 3
+    own = [line.replace("--over", "--at").replace("slow: ", "") for line in warned(capsys)]
+    assert any(line.startswith("--at primary_joint_stiffness: 1000 N/m is 1.1e-03 of") for line in own)
+    assert any("over the static wheel load" in line for line in own)
+    assert run(["show", str(slow), "--at", SOFT]) == 0
+    told = capsys.readouterr()
+    assert [line.removeprefix("freqrail: warning: ") for line in told.err.splitlines()] == own
+    outside = "outside the swept range: primary_joint_stiffness (swept: 0.5 MN/m to 5 MN/m), speed (swept: 40 km/h to"
+    assert outside in told.out
+    assert run(["plot", str(slow), "--at", SOFT, "-o", "figures"]) == 0
+    told = warned(capsys)
+    assert {of_the_grid, *own} == {*told}
+    assert len(told) == len({*told})
+
+
+def test_between_the_ends_of_the_grid_nothing_is_outside_and_on_it_the_warnings_are_the_grids(slow, capsys):
+    assert run(["show", str(slow), "--at", "speed=50 km/h"]) == 0
+    told = capsys.readouterr()
+    assert "speed = 50 km/h is not on the result's grid\n" in told.out
+    assert run(["show", str(slow), "--at", "speed=60 km/h"]) == 0
+    assert "wavelengths in the band 0.111 to 333 m" in capsys.readouterr().err
+
+
+def test_so_it_is_in_a_confirmation_which_keeps_and_repeats_them(slow, here, capsys):
+    quick = ["--integrator", "exponential", "--duration", "20 s", "--realisations", "2", "--band", "0.5:20 Hz"]
+    assert run(["confirm", str(slow), "--at", "speed=400 km/h", *quick, "-o", "c.nc"]) == 3
+    told = [line for line in warned(capsys) if "smallest fault" not in line and "would have seen" not in line]
+    assert not any("333 m" in line for line in told)
+    assert any("computed anew: speed = 400 km/h is not on the result's grid; outside the" in line for line in told)
+    assert any("speed = 400 km/h: wavelengths in the band 1.11 to 1.11e+03 m" in line for line in told)
+    assert run(["show", "c.nc"]) == 0
+    assert {*told} == {*warned(capsys)}
+
+
 def test_show_check_tells_a_whole_file_from_a_damaged_one(result, here, capsys):
     assert run(["show", str(result), "--check"]) == 0
     damaged = bytearray(result.read_bytes())

@@ -360,6 +360,19 @@ def test_the_cases_own_value_on_a_logarithmic_axis_is_computed_anew_and_confirme
     np.testing.assert_allclose(here, own.bogie_acceleration_rms.sel(speed=250), rtol=1e-12)
 
 
+def test_a_confirmation_of_computed_anew_points_alone_compares_nothing_and_ends_with_3(file, tmp_path, capsys):
+    arguments = ["confirm", str(file), *FAST, "-o", str(tmp_path / "c.nc"), "--at", "speed=260 km/h"]
+    assert command(arguments) == 3
+    told = [line for line in lines(capsys) if "nothing of the result was checked" in line]
+    assert len(told) == 1
+    assert "its grid holds no point confirmed, all were computed anew" in told[0]
+    advised = re.search(r'--at "(.*)"', told[0])
+    run = prepare_run(file, advised[1], **QUICK)  # the advice is a point of the grid
+    assert [place.anew for place in run.places] == [()]
+    assert command(["show", str(tmp_path / "c.nc")]) == 0
+    assert "NOT all stand" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

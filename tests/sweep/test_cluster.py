@@ -107,6 +107,7 @@ def test_a_scheduler_that_is_not_there_is_one_line(here, capsys, monkeypatch):
 
 MALFORMED = ["tcp://", "tcp://127.0.0.1", "tcp://127.0.0.1:99999", "tcp://h:0", "tcp://h:x", "tcp://a:1,tcp://b:2"]
 MALFORMED += ["tcp://user@h:1", f"tcp://{'a' * 300}:1", "tcp://\udcff:1", "tcp://h:1/x", "", "tcp://h:1\n"]
+MALFORMED += ["tcp://a..b:1", "tcp://.a:1", f"tcp://{'a' * 64}.b:1"]
 
 
 @pytest.mark.parametrize("address", MALFORMED)
@@ -135,7 +136,17 @@ def zeros(client: socket.socket) -> None:
             client.sendall(bytes(1000))
 
 
-@pytest.mark.parametrize("answer", [silent, http, garbage, zeros])
+def greets(client: socket.socket) -> None:
+    client.sendall(b"pickle-protocol")
+    time.sleep(60)
+
+
+def greets_and_babbles(client: socket.socket) -> None:
+    client.sendall(b"pickle-protocol" + random.Random(1).randbytes(5000))
+    time.sleep(60)
+
+
+@pytest.mark.parametrize("answer", [silent, http, garbage, zeros, greets, greets_and_babbles])
 def test_what_answers_and_is_no_scheduler_is_one_line_within_15_s(answer, here):
     def serve() -> None:
         with contextlib.suppress(OSError):

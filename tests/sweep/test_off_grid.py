@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import freqrail
 from freqrail.errors import InputError
@@ -119,6 +120,15 @@ def test_what_is_not_swept_is_not_changed(result):
     grid = freqrail.sweep(CASE, {"speed": "250 km/h", "half_wheelbase": "0.8, 0.9 m", **_joints()})
     with pytest.raises(InputError, match=r"half_bogie_spacing: must exceed half_wheelbase"):
         find(grid, parse_point("half_wheelbase=4 m"))
+
+
+def test_of_results_put_together_in_memory_nothing_is_computed_anew():
+    """The case of the first would stand for all of them."""
+    both = [freqrail.sweep(CASE, {"speed": "200, 250 km/h", **_joints()}, {"bogie_mass": m}) for m in ("600 kg", "1 t")]
+    together = xr.concat(both, "bogie_mass", coords="different", compat="equals")
+    assert find(together, parse_point("speed=250 km/h, bogie_mass=1 t")).anew == ()
+    with pytest.raises(InputError, match=r"--at speed: off the grid, .*the result's case does not sweep bogie_mass"):
+        find(together, parse_point("speed=220 km/h, bogie_mass=1 t"))
 
 
 def test_a_whole_vehicle_is_computed_anew_as_one():
