@@ -327,9 +327,17 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
         f"{attributes['duration_s']:g} s, seed {attributes['seed']}, {attributes['integrator']}",
     ]
     lines = [printable(line) for line in head]
+    anew = [str(dataset["place"].values[i]) for i in chosen if confirmation.is_anew(dataset, i)]
     for where, numbers in tables.items():
         columns = [column for column in confirmation.TABLE if column in numbers[0]]
-        lines += ["", printable(where), table(in_shown_units(numbers), columns), _shared_text(shared[where])]
+        note = "computed anew: not on the result's grid, which has no number to compare"
+        lines += [
+            "",
+            printable(where),
+            *([note] if where in anew else []),
+            table(in_shown_units(numbers), columns),
+            _shared_text(shared[where]),
+        ]
     lines += [
         "",
         "verdict: simulated RMS inside the interval that holds for all checks together with "
@@ -353,6 +361,7 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
         "title": head[0],
         "conditions": head[1],
         "points": tables,
+        "computed_anew": anew,
         "shared": shared,
         "power": power,
         "axes": {

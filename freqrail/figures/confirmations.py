@@ -31,7 +31,7 @@ from freqrail.figures.style import (
     psd_label,
 )
 from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
-from freqrail.result.confirmation import band_note, confirmed_names, relative
+from freqrail.result.confirmation import band_note, confirmed_names, is_anew, relative
 from freqrail.result.verdicts import FAILED, OUTSIDE
 
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
@@ -241,7 +241,9 @@ def _checked_legend(figure: Figure, notes: Sequence[str]) -> None:
 
 
 def _place(dataset: xr.Dataset, point: int) -> str:
-    return str(dataset["place"].values[point]).replace("_", " ")
+    """A point in words; one that the result's grid lacks says that it was computed anew."""
+    anew = ", (computed anew)" if is_anew(dataset, point) else ""
+    return str(dataset["place"].values[point]).replace("_", " ") + anew
 
 
 def _figure(height: float, dataset: xr.Dataset, point: int | None, what: str) -> Figure:

@@ -160,6 +160,11 @@ def is_confirmation(dataset: xr.Dataset) -> bool:
     return "verdict_solver" in dataset
 
 
+def is_anew(dataset: xr.Dataset, point: int) -> bool:
+    """Whether the result's grid lacks a point (counted from 0), so that its numbers were computed anew."""
+    return bool(dataset["computed_anew"].values[point])
+
+
 def band_note(dataset: xr.Dataset) -> str:
     """What band the numbers were confirmed over, and that it is not the result's own if so."""
     band, own = dataset.attrs["band"], dataset.attrs["result_band"]

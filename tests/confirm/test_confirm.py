@@ -321,6 +321,13 @@ def test_the_cases_own_value_on_a_logarithmic_axis_is_computed_anew_and_confirme
     assert (found.verdict_result[0] == 3).all()  # the file holds no number there
     assert (found.verdict_result[1] == 0).all()
     assert confirmation.not_checked(found) == ["result check: 22 of 44 not checked (the result has no number there)"]
+    shown = tables.confirmation_text(found)[1]
+    anew = [n for n, line in enumerate(shown) if line.startswith("computed anew: not on the result's grid")]
+    assert [shown[n - 1].split(",")[0] for n in anew] == ["primary_joint_stiffness = 5 MN/m"]
+    assert tables.confirmation_text(found)[0]["computed_anew"] == [found.place.values[0]]
+    figure = confirmations.drawings(found)["confirmation"]()
+    assert ["(computed anew)" in ax.get_title() for ax in figure.axes] == [True, False]
+    assert "(computed anew)" in confirmations.drawings(found)["psd-point-1"]().get_suptitle()
     # and it is the number of that very vehicle
     own = sweep(over={"primary_joint_stiffness": "5 MN/m", "secondary_joint_stiffness": "5 MN/m"}).squeeze()
     here = found.bogie_acceleration_rms_frequency_domain.sel(point=1, model="joint")
