@@ -246,7 +246,7 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         "units": {name: axis_unit(dataset, name) for name in indices},
         "computed_anew": list(found.anew),
     }
-    where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
+    where = ", ".join(found.label(name) for name in indices)
     lines = [where, *filter(None, [found.note])]
     for prefix, words in PREFIXES.items():
         flags = dataset[f"{prefix}status"]

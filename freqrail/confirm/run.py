@@ -24,7 +24,7 @@ from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model import responses
 from freqrail.model.band import Band
 from freqrail.model.responses import RESPONSES
-from freqrail.result.axes import axis_label, grid_axis
+from freqrail.result.axes import grid_axis
 from freqrail.result.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
 from freqrail.text import given
 
@@ -266,4 +266,4 @@ def _point(place: Place) -> time_side.OperatingPoint:
 
 
 def _label_of(place: Place) -> str:
-    return ", ".join(f"{name} = {axis_label(place.dataset, name, i)}" for name, i in place.index.items())
+    return ", ".join(place.label(name) for name in place.index)
