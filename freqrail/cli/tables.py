@@ -330,12 +330,13 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     anew = [str(dataset["place"].values[i]) for i in chosen if confirmation.is_anew(dataset, i)]
     for where, numbers in tables.items():
         columns = [column for column in confirmation.TABLE if column in numbers[0]]
+        shown = [{k: None if v != v else v for k, v in row.items()} for row in in_shown_units(numbers)]  # nan: blank
         note = "computed anew: not on the result's grid, which has no number to compare"
         lines += [
             "",
             printable(where),
             *([note] if where in anew else []),
-            table(in_shown_units(numbers), columns),
+            table(shown, columns),
             _shared_text(shared[where]),
         ]
     lines += [
@@ -348,13 +349,14 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
         table(power),
         "",
     ]
-    total = confirmation.count_of_checks(dataset)
+    total, made = confirmation.count_of_checks(dataset)
+    count = f"{total} checks" if made == total else f"{made} of {total} checks made"
     if faults:
-        words = f"{total} checks: NOT all stand"
+        words = f"{count}: NOT all stand"
     elif missing:
-        words = f"{total} checks: those that could be made stand; not checked:"
+        words = f"{count}: those stand; not checked:"
     else:
-        words = f"{total} checks: all stand"
+        words = f"{count}: all stand"
     lines += [words, *(f"  {line}" for line in missing)]
     axes = [str(name) for name in dataset.coords if name in SWEEPABLE and dataset[name].dims == ("point",)]
     facts = {

@@ -221,7 +221,7 @@ def test_a_result_whose_numbers_are_wrong_does_not_stand(result):
     wrong["bogie_acceleration_rms"] *= 1.001
     told = confirmation.problems(freqrail.confirm(wrong, at=AT[0], **QUICK))
     assert len(told) == 1
-    assert "differ by up to 1.0e-03" in told[0]
+    assert "differ by up to 0.1 % from" in told[0]
 
 
 def test_a_faulty_simulation_does_not_stand_and_the_command_ends_with_3(file, monkeypatch, capsys, tmp_path):
@@ -324,6 +324,10 @@ def test_the_cases_own_value_on_a_logarithmic_axis_is_computed_anew_and_confirme
     shown = tables.confirmation_text(found)[1]
     anew = [n for n, line in enumerate(shown) if line.startswith("computed anew: not on the result's grid")]
     assert [shown[n - 1].split(",")[0] for n in anew] == ["primary_joint_stiffness = 5 MN/m"]
+    assert not any("nan" in line for line in shown)
+    assert [line for line in shown if "checks" in line and "those stand" in line] == [
+        "202 of 224 checks made: those stand; not checked:"
+    ]
     assert tables.confirmation_text(found)[0]["computed_anew"] == [found.place.values[0]]
     figure = confirmations.drawings(found)["confirmation"]()
     assert ["(computed anew)" in ax.get_title() for ax in figure.axes] == [True, False]
