@@ -519,7 +519,7 @@ def test_what_is_drawn_is_what_the_dataset_holds(confirmed, drawn):
     np.testing.assert_allclose(joint.get_ydata(), 1e3 * one.sel(model="joint")[:shown], rtol=1e-6)
     np.testing.assert_allclose(traditional.get_ydata(), 1e3 * one.sel(model="traditional")[:shown], rtol=1e-6)
     assert len(found["track-point-1"].axes[0].get_lines()) == 4
-    dots = [line for line in found["psd-point-2"].axes[1].get_lines() if line.get_marker() == "."]
+    dots = [line for line in found["psd-point-2"].axes[1].get_lines() if line.get_marker() == "o"]
     simulated = confirmed.bogie_acceleration_psd_time_domain.isel(point=1, model=0, bogie=0)
     np.testing.assert_array_equal(dots[0].get_ydata(), simulated[::2])
 
@@ -544,6 +544,19 @@ def test_a_number_outside_is_marked(confirmed, drawn):
         marked = [line for ax in found[stem].axes for line in ax.get_lines() if line.get_marker() == "X"]
         assert sum(line.get_xdata().size for line in marked) == 1
         assert any(line.get_marker() == "X" and line.get_xdata().size for line in found[stem].axes[place].get_lines())
+
+
+def test_legends_show_what_is_drawn(confirmed, drawn):
+    wrong = confirmed.copy(deep=True)
+    wrong["verdict_solver"][1, 1, 5] = 1
+    found = drawn(wrong)
+    for stem, style in (("confirmation", "-"), ("solver-error", "None"), ("kernel-difference", "None")):
+        (legend,) = found[stem].legends
+        texts = [text.get_text() for text in legend.get_texts()]
+        assert ("outside" in texts) == (stem == "solver-error")
+        assert [line.get_linestyle() for line in legend.get_lines()[:2]] == [style] * 2
+    dots = [line for line in found["psd-point-1"].axes[0].get_lines() if line.get_marker() == "o"]
+    assert [line.get_markerfacecolor() for line in dots] == ["none"] * 2
 
 
 def test_many_points_are_drawn_on_several_pages(confirmed):
