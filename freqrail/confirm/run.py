@@ -25,6 +25,7 @@ from freqrail.model import responses
 from freqrail.model.band import Band
 from freqrail.model.responses import RESPONSES
 from freqrail.result.axes import grid_axis
+from freqrail.result.confirmation import is_confirmation
 from freqrail.result.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
 from freqrail.text import given
 
@@ -106,6 +107,8 @@ def prepare_run(
 ) -> Run:
     """The checked setup of `confirm`, whose arguments these are. Raises InputError."""
     dataset = result if isinstance(result, xr.Dataset) else read_result(result)
+    if is_confirmation(dataset):
+        raise InputError("confirm: this dataset is a confirmation; what it confirms, a result of a sweep, is expected")
     if "status" not in dataset:
         raise InputError("confirm: this dataset is no result of `freqrail sweep` (it has no variable status)")
     problems = _option_problems(seed, realisations, integrator, start)

@@ -387,8 +387,10 @@ def test_all_faults_are_told_at_once(result):
 
 
 def test_a_confirmation_cannot_be_confirmed(confirmed):
-    with pytest.raises(InputError, match="no result of `freqrail sweep`"):
+    with pytest.raises(InputError, match="this dataset is a confirmation; what it confirms, a result of a sweep, is"):
         freqrail.confirm(confirmed)
+    with pytest.raises(InputError, match="no result of `freqrail sweep`"):
+        freqrail.confirm(confirmed[["solver_error"]])
 
 
 def test_rk45_on_a_stiff_joint_is_refused_with_the_alternative_that_serves():
