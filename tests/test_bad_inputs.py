@@ -738,6 +738,14 @@ def test_a_part_of_a_result_is_one(here, intact, capsys):
     assert "result check: 4 of 22 not checked (the result has no number there)" in out
 
 
+def test_what_xarray_wrote_is_refused_with_the_function_that_writes_results(here, intact, capsys):
+    result = freqrail.open_result(intact)
+    freqrail.sweep("yu-damper-joint", SMALL).to_netcdf("own.nc")
+    xr.concat([result, result], "speed", coords="different", compat="equals").to_netcdf("together.nc")
+    refuses(["show", "own.nc"], 2, "a dataset of freqrail.sweep is written with freqrail.write_result", capsys)
+    refuses(["show", "together.nc"], 2, "what was changed on purpose is for xarray to read, or to be written", capsys)
+
+
 def test_check_names_numbers_that_are_text(here, intact, capsys):
     rewritten(recoded(RMS, str))(Path(shutil.copy(intact, "text.nc")))
     for command in (["show", "text.nc", "--check"], ["confirm", "text.nc"]):

@@ -1,8 +1,8 @@
 """The commands. No arithmetic here: a command checks its options, calls one function and prints.
 
 Results go to stdout, messages and progress to stderr. Exit codes: 0 done; 2 bad input; 3 failed grid
-points; 4 input or output; 130 interrupted; 1 only for a bug. Only click and tables of names are imported at the top,
-so that `freqrail --help` and the completion of names answer at once.
+points; 4 input or output; 130 interrupted; 143 terminated; 1 only for a bug. Only click and tables of names are
+imported at the top, so that `freqrail --help` and the completion of names answer at once.
 """
 
 from __future__ import annotations

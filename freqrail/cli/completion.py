@@ -11,10 +11,27 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import click
+from click.shell_completion import BashComplete, add_completion_class
 
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE
 from freqrail.case.shipped import shipped_cases
 from freqrail.model.responses import RESPONSES
+
+_END = "    return 0\n}"
+_NO_BLANK = """    # behind NAME= goes its value, without a blank
+    if [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]]; then
+        compopt -o nospace
+    fi
+
+"""
+
+
+@add_completion_class
+class _Bash(BashComplete):
+    """click's own, and no blank behind a name that ends in an equals sign."""
+
+    source_template = BashComplete.source_template.replace(_END, _NO_BLANK + _END)
+
 
 SETTINGS = (*PARAMETERS, "band", "spectrum", "masses", "title", "reference")
 """What `--set` takes."""

@@ -5,6 +5,7 @@ For the command line alone; who imports freqrail has a process of their own maki
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import importlib
 import importlib.util
@@ -13,6 +14,7 @@ import logging
 import math
 import os
 import re
+import signal
 import sys
 import warnings
 from pathlib import Path
@@ -22,6 +24,15 @@ from freqrail.errors import FileError
 LEAST_MEMORY = 500e6
 """Bytes of address space that the libraries take before anything is computed; with less they hang or crash."""
 _NO_MEMORY = re.compile(r"can't start new thread|map segment|allocate|out of memory|malloc", re.IGNORECASE)
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, as a batch system or `kill` sends it: what is open is closed as after Ctrl-C."""
+
+
+def _terminate(number: int, frame: object) -> None:
+    signal.signal(number, signal.SIG_IGN)  # a second one must not keep the first from cleaning up
+    raise Terminated
 
 
 class _Closed(io.StringIO):
@@ -37,7 +48,7 @@ def take_over() -> None:
     Closed streams get the null device, so that no file takes their number; what is written to a closed stdout counts
     as written to a closed pipe. Text that a stream cannot encode is escaped. Warnings of other packages are nobody's
     business here, also those that -W and PYTHONWARNINGS turn into errors. Where the address space is limited,
-    numerical libraries get one thread: each takes a share of it.
+    numerical libraries get one thread: each takes a share of it. SIGTERM raises `Terminated`, unless it is ignored.
     """
     for stream in range(3):
         try:
@@ -49,6 +60,9 @@ def take_over() -> None:
     for each in (sys.stdout, sys.stderr):
         if isinstance(each, io.TextIOWrapper):
             each.reconfigure(errors="backslashreplace")
+    with contextlib.suppress(ValueError, OSError):  # outside the main thread
+        if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, _terminate)
     sys.warnoptions.clear()
     os.environ.pop("PYTHONWARNINGS", None)
     warnings.resetwarnings()

@@ -30,7 +30,8 @@ def dry_run(plan: Plan, target: Path, jobs: int, overwrite: bool) -> Report:
     lines = [
         f"{counted(plan.points, 'grid point')} ({grid_text(plan)}), both models",
         plausibility.vitals_text(plan.layout.case),
-        f"{target}: {shown_bytes(plan.stored_bytes)}, about {number(seconds, 2)} s on {counted(jobs, 'thread')}",
+        f"{target}: {shown_bytes(plan.stored_bytes)}, "
+        f"computing about {number(seconds, 2)} s on {counted(jobs, 'thread')}",
         "dry run: nothing computed, nothing written",
     ]
     if target.exists() and not overwrite:

@@ -248,7 +248,7 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         "units": {name: axis_unit(dataset, name) for name in indices},
         "computed_anew": list(found.anew),
     }
-    where = ", ".join(f"{name} = {axis_label(dataset, name, i)}" for name, i in indices.items())
+    where = ", ".join(found.label(name) for name in indices)
     lines = [where, *filter(None, [found.note])]
     for prefix, words in PREFIXES.items():
         flags = dataset[f"{prefix}status"]
@@ -329,9 +329,18 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
         f"{attributes['duration_s']:g} s, seed {attributes['seed']}, {attributes['integrator']}",
     ]
     lines = [printable(line) for line in head]
+    anew = [str(dataset["place"].values[i]) for i in chosen if confirmation.is_anew(dataset, i)]
     for where, numbers in tables.items():
         columns = [column for column in confirmation.TABLE if column in numbers[0]]
-        lines += ["", printable(where), table(in_shown_units(numbers), columns), _shared_text(shared[where])]
+        shown = [{k: None if v != v else v for k, v in row.items()} for row in in_shown_units(numbers)]  # nan: blank
+        note = "computed anew: not on the result's grid, which has no number to compare"
+        lines += [
+            "",
+            printable(where),
+            *([note] if where in anew else []),
+            table(shown, columns),
+            _shared_text(shared[where]),
+        ]
     lines += [
         "",
         "verdict: simulated RMS inside the interval that holds for all checks together with "
@@ -343,19 +352,21 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
         confirmation.POWER,
         "",
     ]
-    total = confirmation.count_of_checks(dataset)
+    total, made = confirmation.count_of_checks(dataset)
+    count = f"{total} checks" if made == total else f"{made} of {total} checks made"
     if faults:
-        words = f"{total} checks: NOT all stand"
+        words = f"{count}: NOT all stand"
     elif missing:
-        words = f"{total} checks: those that could be made stand; not checked:"
+        words = f"{count}: those stand; not checked:"
     else:
-        words = f"{total} checks: all stand"
+        words = f"{count}: all stand"
     lines += [words, *(f"  {line}" for line in missing)]
     axes = [str(name) for name in dataset.coords if name in SWEEPABLE and dataset[name].dims == ("point",)]
     facts = {
         "title": head[0],
         "conditions": head[1],
         "points": tables,
+        "computed_anew": anew,
         "shared": shared,
         "power": power,
         "axes": {

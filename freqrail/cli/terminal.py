@@ -15,7 +15,7 @@ from typing import Any, TextIO
 
 import click
 
-from freqrail.cli.process import is_out_of_memory, limit_in_words
+from freqrail.cli.process import Terminated, is_out_of_memory, limit_in_words
 from freqrail.errors import FileError, FreqrailError, FreqrailWarning
 
 
@@ -87,7 +87,7 @@ def _abandon(stream: TextIO) -> None:
 def guarded(task: Callable[[], object]) -> int:
     """Run a command and return its exit code; every fault is a line on stderr, never a traceback.
 
-    0 done; 2 bad input; 3 numerical; 4 input or output; 130 interrupted.
+    0 done; 2 bad input; 3 numerical; 4 input or output; 130 interrupted; 143 terminated (SIGTERM).
     """
     try:
         with warnings.catch_warnings():
@@ -111,7 +111,10 @@ def guarded(task: Callable[[], object]) -> int:
         for problem in fault.problems:
             _say("error", problem.replace("\n", "\\n"))
         return fault.exit_code
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort) as stop:  # click turns the first into the second
+        if isinstance(stop, Terminated) or isinstance(stop.__cause__, Terminated):
+            tell("freqrail: terminated")
+            return 143
         tell("freqrail: interrupted")
         return 130
     except (OSError, MemoryError, RuntimeError, ImportError) as fault:

@@ -24,7 +24,8 @@ from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model import responses
 from freqrail.model.band import Band
 from freqrail.model.responses import RESPONSES
-from freqrail.result.axes import axis_label, grid_axis
+from freqrail.result.axes import grid_axis
+from freqrail.result.confirmation import is_confirmation
 from freqrail.result.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
 from freqrail.text import given
 
@@ -106,6 +107,8 @@ def prepare_run(
 ) -> Run:
     """The checked setup of `confirm`, whose arguments these are. Raises InputError."""
     dataset = result if isinstance(result, xr.Dataset) else read_result(result)
+    if is_confirmation(dataset):
+        raise InputError("confirm: this dataset is a confirmation; what it confirms, a result of a sweep, is expected")
     if "status" not in dataset:
         raise InputError("confirm: this dataset is no result of `freqrail sweep` (it has no variable status)")
     problems = _option_problems(seed, realisations, integrator, start)
@@ -266,4 +269,4 @@ def _point(place: Place) -> time_side.OperatingPoint:
 
 
 def _label_of(place: Place) -> str:
-    return ", ".join(f"{name} = {axis_label(place.dataset, name, i)}" for name, i in place.index.items())
+    return ", ".join(place.label(name) for name in place.index)

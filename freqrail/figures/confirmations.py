@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -31,7 +31,7 @@ from freqrail.figures.style import (
     psd_label,
 )
 from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, TWIN
-from freqrail.result.confirmation import band_note, confirmed_names, relative
+from freqrail.result.confirmation import band_note, confirmed_names, is_anew, relative
 from freqrail.result.verdicts import FAILED, OUTSIDE
 
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
@@ -39,6 +39,14 @@ _PANELS_A_ROW, _POINTS_A_FIGURE = 3, 9
 _COLOURS = {"joint": BLUE, "traditional": "black"}
 _WORDS = {"joint": PREFIXES[""], "traditional": PREFIXES[TWIN]}
 _SMALLEST = 1e-14  # solver errors below this are rounding, and drawn there
+_DOTS: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 2.2,
+    "markerfacecolor": "none",
+    "markeredgewidth": 0.5,
+    "linestyle": "none",
+}
+"""Simulated spectra: open, so that a model's dots do not cover the other's."""
 _OFFSET = {"joint": -0.18, "traditional": 0.18}  # of a row, so that the models' bars do not cover each other
 
 
@@ -114,14 +122,15 @@ def _spectra(dataset: xr.Dataset, point: int) -> Figure:
             ax.plot(one["frequency"].values, analytic, color=colour, linewidth=0.8)
             # every second line of either model, so that the curves stay visible
             dots = slice(0 if model == "joint" else 1, None, 2)
-            ax.plot(one["frequency"].values[dots], simulated[dots], ".", color=colour, markersize=2.8)
+            ax.plot(one["frequency"].values[dots], simulated[dots], **_DOTS, color=colour)
             top = max(top, float(np.nanmax(analytic)))
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_ylim(bottom=max(ax.get_ylim()[0], DEEPEST * top))
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.set(xlabel="frequency $f$ [Hz]", ylabel=psd_label(response.shown_unit))
-    handles = [Line2D([], [], color=c, marker=".", linewidth=0.8, label=_WORDS[m]) for m, c in _COLOURS.items()]
+    both = _DOTS | {"linestyle": "-", "linewidth": 0.8}
+    handles = [Line2D([], [], **both, color=c, label=_WORDS[m]) for m, c in _COLOURS.items()]
     legend(figure, handles)
     return figure
 
@@ -174,7 +183,9 @@ def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
             ax.plot(at["pooled"][~outside], y[~outside], "o", color="white", markeredgecolor=_COLOURS[model], ms=3.5)
             ax.plot(at["pooled"][outside], y[outside], "X", color=VERMILION, markersize=5)
         ax.set_xlabel("difference of the RMS [%]")
-    _checked_legend(figure, ["bars: 95 % interval, thin lines: the simultaneous interval that decides"])
+    marked = any(_outside(dataset, "statistical", place, m).any() for place in points for m in range(len(_WORDS)))
+    bars = "bars: 95 % interval, thin lines: the simultaneous interval that decides"
+    _checked_legend(figure, bars, marked, "-")
     return figure
 
 
@@ -205,7 +216,8 @@ def _differences(dataset: xr.Dataset, points: Sequence[int], check: str) -> Figu
         ax.xaxis.set_major_locator(LogLocator(numticks=5))
         ax.xaxis.set_minor_locator(NullLocator())
         ax.set_xlabel("relative difference of the RMS")
-    _checked_legend(figure, ["dashes: the largest difference allowed"])
+    marked = any(_outside(dataset, check, place, m).any() for place in points for m in range(len(_WORDS)))
+    _checked_legend(figure, "dashes: the largest difference allowed", marked, "none")
     return figure
 
 
@@ -231,19 +243,26 @@ def _rows(dataset: xr.Dataset, points: Sequence[int], what: str) -> tuple[Figure
     return figure, drawn
 
 
-def _checked_legend(figure: Figure, notes: Sequence[str]) -> None:
-    marks = [Line2D([], [], color=c, marker="o", markersize=3.5, label=_WORDS[m]) for m, c in _COLOURS.items()]
-    marks.append(Line2D([], [], color=VERMILION, marker="X", linestyle="none", markersize=5, label="outside"))
-    legend(figure, marks, "\n".join(notes))
+def _checked_legend(figure: Figure, note: str, outside: bool, linestyle: Literal["-", "none"]) -> None:
+    """A legend of the marks that there are. outside: whether any is; linestyle: of the bars through the marks."""
+    marks = [
+        Line2D([], [], color=c, marker="o", markersize=3.5, linestyle=linestyle, label=_WORDS[m])
+        for m, c in _COLOURS.items()
+    ]
+    if outside:
+        marks.append(Line2D([], [], color=VERMILION, marker="X", linestyle="none", markersize=5, label="outside"))
+    legend(figure, marks, note)
 
 
 # --- words and layout ------------------------------------------------------------------------------
 
 
 def _place(dataset: xr.Dataset, point: int) -> str:
-    return str(dataset["place"].values[point]).replace("_", " ")
+    """A point in words; one that the result's grid lacks says that it was computed anew."""
+    anew = ", (computed anew)" if is_anew(dataset, point) else ""
+    return str(dataset["place"].values[point]).replace("_", " ") + anew
 
 
 def _figure(height: float, dataset: xr.Dataset, point: int | None, what: str) -> Figure:
-    where = [] if point is None else [_place(dataset, point)]
+    where = [] if point is None else [_place(dataset, point).replace(", (", " (")]
     return new_figure(height, (0.04, 0.04), [what, *where, band_note(dataset)])

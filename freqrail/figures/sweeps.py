@@ -11,6 +11,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -37,6 +38,7 @@ from freqrail.figures.style import (
     psd_label,
 )
 from freqrail.figures.style import family as family_styles
+from freqrail.model.band import band_limits
 from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, TWIN, Response
 from freqrail.result.axes import axis_unit, grid_axis, swept
 from freqrail.sweep.off_grid import ATTRIBUTE
@@ -50,6 +52,7 @@ _MARKED = 30  # a line of at most so many values shows each of them by a marker
 _CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
 _NARROW = 5.0  # a logarithmic axis from 1 to less than this is ticked as a linear one
 _TICKS = 5  # at most so many steps between ticks: long numbers must not touch
+_BAND_END: dict[str, Any] = {"color": "0.4", "linestyle": ":", "linewidth": 0.8}
 _RIGID = 0.95  # of a panel's width, where the mark of the rigid joint begins
 
 
@@ -166,7 +169,10 @@ def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figur
     """One-sided PSDs at one grid point, with and without joints."""
     styles: dict[str, Style] = {"": WITH_JOINTS, TWIN: TRADITIONAL}
     figure, drawn = _panels(dataset, "_psd", _caption(dataset, case, "_psd", index))
+    ends = _band_ends(dataset, case, index)
     for response, ax in drawn:
+        for end in ends:
+            ax.axvline(end, **_BAND_END)
         ax.set_xscale("log")
         ax.set_yscale("log", nonpositive="mask")
         densities = {prefix: _drawn(dataset, response, prefix, "_psd", index, ("frequency",)) for prefix in styles}
@@ -178,8 +184,22 @@ def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figur
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.set_xlabel("frequency $f$ [Hz]")
         ax.set_ylabel(psd_label(response.shown_unit))
-    _legend(figure, [handle(style, PREFIXES[prefix]) for prefix, style in styles.items()])
+    models = [handle(style, PREFIXES[prefix]) for prefix, style in styles.items()]
+    _legend(figure, [*models, *([handle(_BAND_END, "ends of the RMS's band at this speed")] if ends else [])])
     return figure
+
+
+def _band_ends(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> list[float]:
+    """Ends of the band of the RMS at the speed drawn, Hz, inside the spectra: these cover the bands of all speeds."""
+    if case.band is None:
+        return []
+    speed = case.speed
+    if "speed" in dataset.coords:  # swept, or a slice that the caller has cut out
+        values = np.atleast_1d(grid_axis(dataset, "speed").si)
+        speed = float(values[index.get("speed", 0)])
+    frequency = dataset["frequency"].values
+    ends = band_limits(case.band, speed) / (2 * np.pi)
+    return [float(end) for end in ends if frequency.min() * (1 + 1e-9) < end < frequency.max() * (1 - 1e-9)]
 
 
 # --- what a figure takes of the dataset ------------------------------------------------------------

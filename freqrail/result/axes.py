@@ -24,11 +24,14 @@ def grid_axis(dataset: xr.Dataset, name: str) -> Axis:
     return Axis(name, values, unit, values * float(unit_factor(unit)[0]), "")
 
 
-def axis_label(dataset: xr.Dataset, name: str, index: int) -> str:
-    """A grid value in the coordinate's unit, such as "250 km/h"; "rigid" for an infinite joint stiffness."""
+def axis_label(dataset: xr.Dataset, name: str, index: int, digits: int = 6) -> str:
+    """A grid value in the coordinate's unit, such as "250 km/h"; "rigid" for an infinite joint stiffness.
+
+    digits: significant ones of a value that is not whole.
+    """
     value = float(dataset[name].values[index])
     whole = abs(value) < 1e7 and value == round(value)
-    return "rigid" if np.isinf(value) else f"{value:{'.0f' if whole else 'g'}} {axis_unit(dataset, name)}"
+    return "rigid" if np.isinf(value) else f"{value:{'.0f' if whole else f'.{digits}g'}} {axis_unit(dataset, name)}"
 
 
 def axis_unit(dataset: xr.Dataset, name: str) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from freqrail.model.responses import RESPONSES
 from freqrail.result import verdicts
+from freqrail.text import number
 
 CHECKS = {
     "solver": "simulation against the line spectrum of the same record",
@@ -75,8 +76,12 @@ def _remark(dataset: xr.Dataset, check: str, index: NDArray[np.int64]) -> str:
     """What a line of `problems` says besides: by how much a result differs, and what to do."""
     if check != "result":
         return ""
-    differ = np.nanmax(np.abs(dataset["result_difference"].values[tuple(index)]))
-    return f"; the result's numbers differ by up to {differ:.1e} from those that this freqrail computes; sweep anew"
+    differ = _percent(np.nanmax(np.abs(dataset["result_difference"].values[tuple(index)])))
+    return f"; the result's numbers differ by up to {differ} % from those that this freqrail computes; sweep anew"
+
+
+def _percent(share: float) -> str:
+    return number(float(f"{100 * share:.2g}"))
 
 
 def not_checked(dataset: xr.Dataset) -> list[str]:
@@ -96,9 +101,10 @@ def checks_of(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(check for check in (*CHECKS, "track") if f"verdict_{check}" in dataset)
 
 
-def count_of_checks(dataset: xr.Dataset) -> int:
-    """Number of comparisons, those that had nothing to compare included."""
-    return sum(dataset[f"verdict_{check}"].size for check in checks_of(dataset))
+def count_of_checks(dataset: xr.Dataset) -> tuple[int, int]:
+    """Number of comparisons, those that had nothing to compare included, and of those that were made."""
+    found = [dataset[f"verdict_{check}"].values for check in checks_of(dataset)]
+    return sum(v.size for v in found), sum(int((v != verdicts.NOT_CHECKED).sum()) for v in found)
 
 
 def power(dataset: xr.Dataset) -> list[dict[str, Any]]:
@@ -171,6 +177,11 @@ def relative(dataset: xr.Dataset, key: str) -> NDArray[np.float64]:
 def is_confirmation(dataset: xr.Dataset) -> bool:
     """Whether a dataset is one of `confirm`."""
     return "verdict_solver" in dataset
+
+
+def is_anew(dataset: xr.Dataset, point: int) -> bool:
+    """Whether the result's grid lacks a point (counted from 0), so that its numbers were computed anew."""
+    return bool(dataset["computed_anew"].values[point])
 
 
 def band_note(dataset: xr.Dataset) -> str:

@@ -273,7 +273,8 @@ def opened(path: str | os.PathLike[str], result: bool = True) -> Iterator[xr.Dat
         if found != dataset.attrs["content_digest"]:
             raise InputError(
                 f"{source}: changed since freqrail wrote it, or damaged: its content does not match its digest; "
-                "compute it anew"
+                "compute it anew (what was changed on purpose is for xarray to read, or to be written with "
+                "freqrail.write_result)"
             )
         problems = [
             f"{source}: is no whole result of freqrail: {fault}" for fault in (faults(dataset) if result else ())
@@ -287,7 +288,10 @@ def _check_head(raw: netCDF4.Dataset, source: Path) -> None:
     """Refuse what is no result of freqrail, or claims more than it holds, before anything of it is loaded."""
     for attribute in ("dataset_schema_version", "content_digest"):
         if attribute not in raw.ncattrs():
-            raise InputError(f"{source}: is not a result of freqrail (no {attribute})")
+            raise InputError(
+                f"{source}: is not a result of freqrail (no {attribute}); a dataset of freqrail.sweep is written with "
+                "freqrail.write_result, not with xarray's to_netcdf"
+            )
     version = raw.dataset_schema_version
     if not isinstance(version, np.integer):
         raise InputError(f"{source}: has no schema number {given(version)}")

@@ -197,10 +197,16 @@ class Place:
     beyond: str = ""
     told: tuple[str, ...] = ()
 
+    def label(self, name: str) -> str:
+        """A swept parameter and its value, such as "speed = 250 km/h"; one off the grid with all digits that tell it
+        from the grid's (`is_same`)."""
+        digits = 10 if name in self.anew else 6
+        return f"{name} = {axis_label(self.dataset, name, self.index[name], digits)}"
+
     @property
     def note(self) -> str:
         """What is not the result's own, in words; "" if nothing."""
-        values = [f"{name} = {axis_label(self.dataset, name, self.index[name])}" for name in self.anew]
+        values = [self.label(name) for name in self.anew]
         return f"computed anew: {', '.join(values)} is not on the result's grid{self.beyond}" if values else ""
 
 

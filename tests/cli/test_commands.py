@@ -83,6 +83,8 @@ def test_dry_run_writes_nothing_and_tells_size_and_time(here, capsys):
     assert facts["points"] == 756
     assert facts["bytes"] > 756 * 11 * 8
     assert facts["seconds"] > 0
+    assert run(["sweep", "yu-damper-joint", "--dry-run"]) == 0
+    assert ", computing about " in capsys.readouterr().out  # the start of the program is not in it
     assert not any(here.iterdir())
 
 

@@ -121,3 +121,18 @@ def test_bash_itself_completes(tmp_path):
     environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
     done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == CASE, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+@pytest.mark.parametrize(("typed", "asked"), [("--over spe", 1), ("yu-da", 0)])
+def test_bash_puts_no_blank_behind_an_equals_sign(tmp_path, typed, asked):
+    program = tmp_path / "freqrail"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m freqrail "$@"\n')
+    program.chmod(0o755)
+    script = (
+        'eval "$(_FREQRAIL_COMPLETE=bash_source freqrail)"; compopt() { echo "compopt $1 $2"; }; '
+        f"COMP_WORDS=(freqrail sweep {typed}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _freqrail_completion freqrail"
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.stdout == "compopt -o nospace\n" * asked, done.stderr

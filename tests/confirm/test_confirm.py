@@ -223,7 +223,7 @@ def test_a_result_whose_numbers_are_wrong_does_not_stand(result):
     wrong["bogie_acceleration_rms"] *= 1.001
     told = confirmation.problems(freqrail.confirm(wrong, at=AT[0], **QUICK))
     assert len(told) == 1
-    assert "differ by up to 1.0e-03" in told[0]
+    assert "differ by up to 0.1 % from" in told[0]
 
 
 def test_a_faulty_simulation_does_not_stand_and_the_command_ends_with_3(file, monkeypatch, capsys, tmp_path):
@@ -354,6 +354,17 @@ def test_the_cases_own_value_on_a_logarithmic_axis_is_computed_anew_and_confirme
     assert (found.verdict_result[0] == 3).all()  # the file holds no number there
     assert (found.verdict_result[1] == 0).all()
     assert confirmation.not_checked(found) == ["result check: 22 of 44 not checked (the result has no number there)"]
+    shown = tables.confirmation_text(found)[1]
+    anew = [n for n, line in enumerate(shown) if line.startswith("computed anew: not on the result's grid")]
+    assert [shown[n - 1].split(",")[0] for n in anew] == ["primary_joint_stiffness = 5 MN/m"]
+    assert not any("nan" in line for line in shown)
+    assert [line for line in shown if "checks" in line and "those stand" in line] == [
+        "202 of 224 checks made: those stand; not checked:"
+    ]
+    assert tables.confirmation_text(found)[0]["computed_anew"] == [found.place.values[0]]
+    figure = confirmations.drawings(found)["confirmation"]()
+    assert ["(computed anew)" in ax.get_title() for ax in figure.axes] == [True, False]
+    assert "(computed anew)" in confirmations.drawings(found)["psd-point-1"]().get_suptitle()
     # and it is the number of that very vehicle
     own = sweep(over={"primary_joint_stiffness": "5 MN/m", "secondary_joint_stiffness": "5 MN/m"}).squeeze()
     here = found.bogie_acceleration_rms_frequency_domain.sel(point=1, model="joint")
@@ -409,8 +420,10 @@ def test_all_faults_are_told_at_once(result):
 
 
 def test_a_confirmation_cannot_be_confirmed(confirmed):
-    with pytest.raises(InputError, match="no result of `freqrail sweep`"):
+    with pytest.raises(InputError, match="this dataset is a confirmation; what it confirms, a result of a sweep, is"):
         freqrail.confirm(confirmed)
+    with pytest.raises(InputError, match="no result of `freqrail sweep`"):
+        freqrail.confirm(confirmed[["solver_error"]])
 
 
 def test_rk45_on_a_stiff_joint_is_refused_with_the_alternative_that_serves():
@@ -541,7 +554,7 @@ def test_what_is_drawn_is_what_the_dataset_holds(confirmed, drawn):
     np.testing.assert_allclose(joint.get_ydata(), 1e3 * one.sel(model="joint")[:shown], rtol=1e-6)
     np.testing.assert_allclose(traditional.get_ydata(), 1e3 * one.sel(model="traditional")[:shown], rtol=1e-6)
     assert len(found["track-point-1"].axes[0].get_lines()) == 4
-    dots = [line for line in found["psd-point-2"].axes[1].get_lines() if line.get_marker() == "."]
+    dots = [line for line in found["psd-point-2"].axes[1].get_lines() if line.get_marker() == "o"]
     simulated = confirmed.bogie_acceleration_psd_time_domain.isel(point=1, model=0, bogie=0)
     np.testing.assert_array_equal(dots[0].get_ydata(), simulated[::2])
 
@@ -566,6 +579,19 @@ def test_a_number_outside_is_marked(confirmed, drawn):
         marked = [line for ax in found[stem].axes for line in ax.get_lines() if line.get_marker() == "X"]
         assert sum(line.get_xdata().size for line in marked) == 1
         assert any(line.get_marker() == "X" and line.get_xdata().size for line in found[stem].axes[place].get_lines())
+
+
+def test_legends_show_what_is_drawn(confirmed, drawn):
+    wrong = confirmed.copy(deep=True)
+    wrong["verdict_solver"][1, 1, 5] = 1
+    found = drawn(wrong)
+    for stem, style in (("confirmation", "-"), ("solver-error", "None"), ("kernel-difference", "None")):
+        (legend,) = found[stem].legends
+        texts = [text.get_text() for text in legend.get_texts()]
+        assert ("outside" in texts) == (stem == "solver-error")
+        assert [line.get_linestyle() for line in legend.get_lines()[:2]] == [style] * 2
+    dots = [line for line in found["psd-point-1"].axes[0].get_lines() if line.get_marker() == "o"]
+    assert [line.get_markerfacecolor() for line in dots] == ["none"] * 2
 
 
 def test_many_points_are_drawn_on_several_pages(confirmed):

@@ -362,6 +362,18 @@ def test_the_psd_figure_shows_both_models_spectra_at_the_slice(result, draw):
     np.testing.assert_allclose(lines(ax, "black", "--")[0].get_ydata(), traditional, rtol=1e-14)
 
 
+def test_the_psd_figure_shows_where_the_band_at_its_speed_ends(result, draw):
+    """Stored spectra cover the bands of all speeds: 200 and 300 km/h over 2 to 50 m are 1.11 to 41.7 Hz."""
+    axes = {"speed": "200, 300 km/h", "primary_joint_stiffness": "5 MN/m", "secondary_joint_stiffness": "5 MN/m"}
+    dataset = freqrail.sweep("yu-damper-joint", axes, {"wavelength": "2:50 m"}, psd=True)
+    figure = draw(dataset, "psd", "speed=250 km/h")  # off the grid
+    ends = [line.get_xdata()[0] for line in lines(figure.axes[0], style=":")]
+    np.testing.assert_allclose(ends, [250 / 3.6 / 50, 250 / 3.6 / 2], rtol=1e-12)
+    assert "ends of the RMS's band at this speed" in legend_texts(figure)
+    assert len(lines(draw(dataset, "psd", "speed=300 km/h").axes[0], style=":")) == 1
+    assert "ends of the RMS's band at this speed" not in legend_texts(draw(result, "psd", "speed=300 km/h"))
+
+
 def test_the_rigid_joint_is_marked_at_the_right_edge_and_left_out_of_line_and_map(draw):
     dataset = sweep(primary_joint_stiffness="0.5, 5, inf MN/m", secondary_joint_stiffness="5 MN/m")
     drawn = draw(dataset)

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 import freqrail
+from freqrail.cli import tables
 from freqrail.errors import InputError
 from freqrail.result.axes import swept
 from freqrail.result.points import parse_point, result_case
@@ -73,6 +74,14 @@ def test_a_point_off_the_grid_is_the_sweep_of_that_point(result, point, values, 
             assert np.all((one > 0) & (one <= 1e-6))
         else:
             np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+def test_a_value_beside_the_grid_s_is_told_with_the_digits_that_tell_them_apart(result):
+    found = find(result, parse_point(f"speed=100.000001 km/h, {JOINT}=0.5 MN/m"))
+    assert found.note == "computed anew: speed = 100.000001 km/h is not on the result's grid"
+    assert tables.result_point(result, parse_point("speed=100.000001 km/h"))[1][0].endswith(
+        "speed = 100.000001 km/h, " + "secondary_damping = 54 kN*s/m"
+    )
 
 
 def test_its_case_is_that_of_the_point(result):

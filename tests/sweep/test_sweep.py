@@ -135,17 +135,20 @@ def test_a_killed_sweep_leaves_the_old_file_or_the_new_one_and_resumes_to_the_sa
     assert outcomes["resumed"] > KILLS / 6
 
 
-def test_an_interrupted_sweep_says_how_to_go_on(here):
-    """Ctrl-C once the first block is kept: exit 130, the blocks kept, one line with the command."""
+@pytest.mark.parametrize(
+    ("sent", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_an_interrupted_sweep_says_how_to_go_on(here, sent, code, word):
+    """Ctrl-C, or a batch system's signal, once the first block is kept: the blocks kept, one line with the command."""
     script = "from freqrail.cli import commands; from freqrail.sweep import parts; parts.POINTS = 2; commands.main()"
     with subprocess.Popen([sys.executable, "-c", script, *ARGUMENTS], stderr=subprocess.PIPE, text=True) as process:
         while not (here / ".o.nc.journal").exists():
             time.sleep(0.01)
         time.sleep(0.2)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(sent)
         told = [line for line in process.communicate(timeout=60)[1].splitlines() if line]
-    assert process.returncode == 130
-    assert told[-1] == "freqrail: interrupted"
+    assert process.returncode == code
+    assert told[-1] == f"freqrail: {word}"
     assert told[-2].startswith("freqrail: finished blocks are kept; to go on: ")
     assert shlex.split(told[-2])[-len(ARGUMENTS) - 1 :] == [*ARGUMENTS, "--resume"]
     assert sorted(path.name for path in here.iterdir()) == [".o.nc.journal"]
