@@ -27,7 +27,7 @@ def test_the_lowest_versions_that_are_tested_are_those_declared():
 def test_pint_is_asked_for_in_the_version_that_is_declared():
     """The message about a pint that does not run names a version; it is the one declared."""
     (bound,) = (b for b in PROJECT["project"]["dependencies"] if b.startswith("pint"))
-    assert f'"{bound}"' in (ROOT / "freqrail" / "quantities.py").read_text(encoding="utf-8")
+    assert f'"{bound}"' in (ROOT / "freqrail" / "case" / "quantities.py").read_text(encoding="utf-8")
 
 
 def test_the_oldest_python_is_the_same_everywhere():
