@@ -351,7 +351,7 @@ def test_the_whole_axis_agrees_with_a_lyapunov_equation_where_there_are_no_lags(
     ids=["two bogie poles merge", "two car poles merge", "a vehicle pole on a track pole", "nearly rigid joints"],
 )
 def test_the_whole_axis_where_residues_break(paper_vehicle, change, speed):
-    """Section 4 of the design: critical damping, a vehicle's pole on the track's, stiff finite joints."""
+    """docs/theory.md, "What keeps the digits": critical damping, a pole on the track's, stiff finite joints."""
     vehicle = replace(paper_vehicle, **change)
     solution = solve(vehicle, [speed], None)
     assert_ok(solution)

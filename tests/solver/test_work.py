@@ -1,7 +1,7 @@
 """The work that a grid takes, counted: nodes placed, blocks, products, vehicles with nodes of their own.
 
 Values hold whatever the policy of `solver.panels` and `solver.solve`: it decides about time and memory. So it is pinned
-here, by exact counts on small grids.
+here, by exact counts on small grids; docs/theory.md, "RMS over a band", says it in words.
 """
 
 from __future__ import annotations
