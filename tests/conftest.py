@@ -30,5 +30,5 @@ def german_low() -> RationalSpectrum:
 
 @pytest.fixture(scope="session")
 def german_high() -> RationalSpectrum:
-    """Eq. (11) with the design's high roughness, A_v = 1.080e-6 m^2 rad/m."""
+    """Eq. (11) with the German high roughness, A_v = 1.080e-6 m^2 rad/m."""
     return RationalSpectrum("german-high", 1.080e-6, GERMAN_CUTOFFS)

@@ -108,7 +108,7 @@ def reference_nodes(
 
 
 def read_off(name: str, vehicle: Vehicle, q: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """A response from the displacements q [freedoms, ...]: [positions, ...], read as section 7 of the design says.
+    """A response from the displacements q [freedoms, ...]: [positions, ...], read as docs/conventions.md says.
 
     Car body over the front pivot (z_c - L_c beta_c), at the centre, over the rear pivot; front and rear
     bogie; axles 1 to 4. Strokes are upper end minus lower end; s is i omega, accelerations are s^2 X.

@@ -129,3 +129,23 @@ def test_the_public_functions_are_not_hidden_by_folders_of_their_names():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout == "True True True True\n", done.stderr
+
+
+def roots(source: str) -> set[str]:
+    """The names before the first dot that a source imports; "" of a relative import."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add("" if node.level else str(node.module).split(".")[0])
+    return found
+
+
+def test_tests_import_each_other_as_parts_of_tests():
+    """One root: `from tests.helpers import ...`, wherever the test stands."""
+    files = sorted((ROOT.parent / "tests").rglob("*.py"))
+    own = {"", *(path.stem for path in files), *(path.parent.name for path in files)} - {"tests"}
+    assert not {path.name: found for path in files if (found := roots(path.read_text(encoding="utf-8")) & own)}
+    assert roots("from helpers import x") | roots("from . import x") | roots("import helpers as h") == {"helpers", ""}
+    assert {"helpers", ""} <= own

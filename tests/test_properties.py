@@ -1,4 +1,4 @@
-"""What the physics and the design promise of every vehicle, track and grid, not of chosen ones.
+"""What the physics and docs/architecture.md promise of every vehicle, track and grid, not of chosen ones.
 
 Vehicles are drawn around the paper's, a factor of three to each side, joints over Table I's range and rigid ones.
 """

@@ -160,7 +160,7 @@ def test_the_shipped_case_carries_the_papers_numbers(paper_case):
 
 
 def test_the_contact_stiffness_follows_from_eq_1(paper_case):
-    """K_H = 1.5 P0^(1/3)/G with G of a conical tread, R = 0.43 m; the design gives 1.0448e9 N/m."""
+    """K_H = 1.5 P0^(1/3)/G with G of a conical tread, R = 0.43 m; the case's comments say 1.0448e9 N/m."""
     load = (15200 / 4 + 600 / 2 + 700) * 9.8
     assert paper_case.vehicle.contact_stiffness == pytest.approx(1.5 * load ** (1 / 3) / 5.1824e-8, rel=1e-14)
     assert paper_case.vehicle.contact_stiffness == pytest.approx(1.0448e9, rel=5e-5)

@@ -56,7 +56,8 @@ def test_an_axis_bears_the_shown_unit_or_the_users(name):
     assert axis.values.size == 1
 
 
-def test_the_units_of_coordinates_are_those_of_the_design():
+def test_the_units_of_coordinates_are_those_of_the_conventions():
+    """docs/conventions.md, "Datasets"."""
     shown = {name: p.shown_unit for name, p in PARAMETERS.items() if p.shown_unit}
     assert shown == {"speed": "km/h", "frequency": "Hz", **dict.fromkeys(JOINTS, "MN/m")}
     assert {name for name, p in PARAMETERS.items() if p.infinite} == set(JOINTS)

@@ -75,7 +75,8 @@ def test_the_cases_own_points_are_confirmed_unless_others_are_named(result, conf
     assert [place.index["speed"] for place in prepare_run(result, AT[1], **QUICK).places] == [1]
 
 
-def test_the_dataset_has_the_names_and_dimensions_of_the_design(confirmed):
+def test_the_dataset_has_the_names_and_dimensions_of_the_conventions(confirmed):
+    """docs/conventions.md, "Confirmations"."""
     assert dict(confirmed.sizes) | {"line": 0, "sample": 0} == {
         "point": 2,
         "model": 2,

@@ -250,7 +250,7 @@ def test_each_of_its_habits_alone_is_wrong_and_without_them_the_run_is_right(poi
 
 
 def test_the_start_waits_for_the_slowest_mode_below_the_bands_end(point):
-    # design, section 5: 29 s on the paper's case
+    # docs/confirming.md, "How a point is simulated": 29 s on the paper's case
     assert setup.startup(point, SHORT) - setup.RAMP == pytest.approx(29, abs=1)
 
 

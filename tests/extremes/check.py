@@ -16,9 +16,8 @@ import numpy as np
 from mpmath import fabs, mp, mpf, sqrt
 
 import freqrail
-
-from . import forty_digits
-from .draws import Draw
+from tests.extremes import forty_digits
+from tests.extremes.draws import Draw
 
 SECONDS = 60  # of the processor that the computation of one draw may take
 TOLERANCE = 1e-6  # largest estimate of a number that is given out

@@ -53,7 +53,8 @@ def test_the_papers_case_runs_on_the_low_german_track(paper_case, german_low):
         ("german_high", (3.0, 25.0), 1.611, 1e-3),
     ],
 )
-def test_standard_deviations_the_design_states(request, track, wavelengths, millimetres, digits):
+def test_standard_deviations_are_those_of_the_conventions(request, track, wavelengths, millimetres, digits):
+    """docs/conventions.md, "Signs and spectra"."""
     spectrum = request.getfixturevalue(track)
     assert 1e3 * standard_deviation(spectrum, wavelengths) == pytest.approx(millimetres, abs=digits / 2)
 
@@ -75,7 +76,7 @@ def test_variance_is_the_integral_from_zero_not_from_minus_infinity(spectrum):
 
 
 def test_a_track_built_of_harmonics_has_the_standard_deviation(german_low):
-    """Amplitudes sqrt(2 G df) with one-sided per-Hz G make a track whose height scatters by sigma (section 5)."""
+    """Amplitudes sqrt(2 G df) with one-sided per-Hz G make a track whose height scatters by sigma."""
     speed, samples, period = 60.0, 2**16, 400.0
     frequency = np.arange(samples // 2 + 1) / period
     inside = (frequency > speed / 25) & (frequency < speed / 3)

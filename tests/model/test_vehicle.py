@@ -445,8 +445,8 @@ def test_every_random_vehicle_is_stable():
         assert np.all(poles(vehicle).real < 0)
 
 
-def test_wheelsets_ring_near_195_hz_as_the_design_says(paper_vehicle):
-    """Section 2: damping ratio 1.4e-4 (decay 5.7 s) at 5 MN/m, 1.4e-6 (566 s) at 0.5 MN/m, 1e-2 traditional."""
+def test_wheelsets_ring_near_195_hz_as_the_theory_says(paper_vehicle):
+    """docs/theory.md, "The rigid rail's resonance": damping ratios with joints of 5 and 0.5 MN/m, and traditional."""
 
     def ringing(joint: float) -> complex:
         vehicle = replace(paper_vehicle, primary_joint_stiffness=joint, secondary_joint_stiffness=joint)

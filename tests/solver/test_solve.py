@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -143,26 +144,80 @@ def test_any_field_can_be_an_axis_lags_included(paper_vehicle, axis, place):
 
 
 BANDS = [PAPER_BAND, Band("frequency", 0.1, 500.0), None]
+CUTS = {1: 36, 7: 9, 20: 4, 10**9: 1}
+"""Vehicles a block, and the blocks that Table I then falls into: each of 6 x 6 is at most 1 x 1, 2 x 2, 3 x 3, all."""
 
 
-@pytest.mark.parametrize("band", BANDS)
-def test_the_number_of_jobs_changes_no_bit(corners, monkeypatch, band):
-    monkeypatch.setattr(solver_solve, "BLOCK", 4000)
-    speeds = np.linspace(100, 300, 5) * KMH
-    assert identical(solve(corners, speeds, band, jobs=1), solve(corners, speeds, band, jobs=2))
-
-
-def in_blocks_of(block: int, monkeypatch: pytest.MonkeyPatch, *study) -> the_solution.Solution:
+def in_blocks_of(
+    block: int, monkeypatch: pytest.MonkeyPatch, vehicle: Vehicle, speeds: np.ndarray, band: Band | None, jobs: int = 1
+) -> tuple[the_solution.Solution, int]:
+    """The solution with at most `block` vehicles a block, and the number of blocks."""
     monkeypatch.setattr(solver_solve, "BLOCK", block)
-    return solve(*study)
+    monkeypatch.setattr(solver_solve, "CLOSED_FORM_BLOCK", block * speeds.size)
+    done: list[int] = []
+    study = Problem(vehicle, speeds, TRACK, band, PAPER_NAMES)
+    return solver_solve.solve(study, jobs, done.append), len(done)
+
+
+def on_threads(jobs: int, monkeypatch: pytest.MonkeyPatch, vehicle: Vehicle, band: Band | None):
+    """(solution of one vehicle a block, threads that stored a block); the first `jobs` blocks wait for each other.
+
+    So it ends only if as many threads are at work at once.
+    """
+    barrier, count, threads, store = threading.Barrier(jobs), itertools.count(), set(), solver_solve._store
+
+    def met(*given) -> None:
+        threads.add(threading.get_ident())
+        if jobs > 1 and next(count) < jobs:
+            barrier.wait(timeout=60)
+        store(*given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(solver_solve, "_store", met)
+        solution, _ = in_blocks_of(1, patch, vehicle, np.linspace(100, 300, 5) * KMH, band, jobs)
+    return solution, threads
+
+
+def tilt(monkeypatch: pytest.MonkeyPatch, tilted: Callable[[Vehicle], bool]) -> None:
+    """Mean squares a bit larger for every block of which `tilted` holds."""
+
+    def changed(original: Callable) -> Callable:
+        def inner(vehicle: Vehicle, *given):
+            squares = original(vehicle, *given)
+            if tilted(vehicle):
+                squares = {k: replace(m, value=np.nextafter(m.value, np.inf)) for k, m in squares.items()}
+            return squares
+
+        return inner
+
+    for module, name in ((solver_quadrature, "mean_squares"), (residues, "whole_axis_mean_squares")):
+        monkeypatch.setattr(module, name, changed(getattr(module, name)))
+
+
+@pytest.mark.parametrize("jobs", [2, 3])
+@pytest.mark.parametrize("band", BANDS)
+def test_the_number_of_jobs_changes_no_bit(corners, monkeypatch, band, jobs):
+    alone, one = on_threads(1, monkeypatch, corners, band)
+    together, several = on_threads(jobs, monkeypatch, corners, band)
+    assert one == {threading.get_ident()}
+    assert len(several) == jobs
+    assert threading.get_ident() not in several
+    assert identical(alone, together)
 
 
 @pytest.mark.parametrize("band", BANDS)
-def test_the_size_of_blocks_changes_no_digit_that_counts(corners, monkeypatch, band):
+def test_a_bit_that_depended_on_the_thread_would_be_seen(corners, monkeypatch, band):
+    tilt(monkeypatch, lambda vehicle: threading.get_ident() != threading.main_thread().ident)
+    assert not identical(*(on_threads(jobs, monkeypatch, corners, band)[0] for jobs in (1, 2)))
+
+
+@pytest.mark.parametrize("band", [Band("frequency", 0.1, 500.0), None])
+def test_the_size_of_blocks_changes_no_digit_that_counts(table_i, monkeypatch, band):
     """One vehicle a block, a few, or all."""
     speeds = np.linspace(100, 300, 5) * KMH
-    first, *others = (in_blocks_of(block, monkeypatch, corners, speeds, band) for block in (1, 7_000, 10**9))
-    for other in others:
+    (first, _), *others = (in_blocks_of(block, monkeypatch, table_i, speeds, band) for block in CUTS)
+    assert [count for _, count in others] == list(CUTS.values())[1:]
+    for other, _ in others:
         assert np.array_equal(first.status, other.status)
         for name in PAPER_NAMES:
             np.testing.assert_allclose(other.rms[name], first.rms[name], rtol=1e-14)
@@ -170,10 +225,22 @@ def test_the_size_of_blocks_changes_no_digit_that_counts(corners, monkeypatch, b
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_the_size_of_blocks_changes_no_bit(table_i, monkeypatch, count):
-    """Section 8 of the design: the bits are the same whatever the chunking."""
+    """docs/architecture.md: bits do not depend on the cut."""
     speeds = np.linspace(100, 300, count) * KMH
-    first, *others = (in_blocks_of(block, monkeypatch, table_i, speeds) for block in (1, 7_000, 10**9))
-    assert all(identical(first, other) for other in others)
+    solved = [in_blocks_of(block, monkeypatch, table_i, speeds, PAPER_BAND) for block in CUTS]
+    assert [blocks for _, blocks in solved] == list(CUTS.values())
+    assert all(identical(solved[0][0], other) for other, _ in solved[1:])
+
+
+@pytest.mark.parametrize("size", [1, 4, 9, 36])
+def test_a_bit_that_depended_on_the_cut_would_be_seen(table_i, monkeypatch, size):
+    """Each of the cuts alone: it is told from the others by the number of vehicles in a block."""
+    tilt(monkeypatch, lambda vehicle: np.prod(vehicle.shape) == size)
+    speeds = np.array([60.0])
+    solutions = [in_blocks_of(block, monkeypatch, table_i, speeds, PAPER_BAND)[0] for block in CUTS]
+    odd = [1, 4, 9, 36].index(size)
+    same = [k for k in range(len(CUTS)) if identical(solutions[k], solutions[odd])]
+    assert same == [odd]
 
 
 @pytest.mark.parametrize("band", BANDS)
@@ -284,7 +351,7 @@ def test_the_whole_axis_agrees_with_a_lyapunov_equation_where_there_are_no_lags(
     ids=["two bogie poles merge", "two car poles merge", "a vehicle pole on a track pole", "nearly rigid joints"],
 )
 def test_the_whole_axis_where_residues_break(paper_vehicle, change, speed):
-    """Section 4 of the design: critical damping, a vehicle's pole on the track's, stiff finite joints."""
+    """docs/theory.md, "What keeps the digits": critical damping, a pole on the track's, stiff finite joints."""
     vehicle = replace(paper_vehicle, **change)
     solution = solve(vehicle, [speed], None)
     assert_ok(solution)
