@@ -43,26 +43,26 @@ class Part:
 def cut(plan: Plan) -> list[Part]:
     """All blocks of a sweep, in the order to compute them."""
     result = []
-    for prefix, study in plan.studies.items():
+    for prefix, problem in plan.problems.items():
         lines = plan.layout.frequency.si.size if plan.layout.frequency is not None else 1
         swept = [axis.name for axis in plan.layout.axes(prefix)]
-        for cell in cells(study.vehicle.shape, max(1, POINTS // (study.speed.size * lines))):
+        for cell in cells(problem.vehicle.shape, max(1, POINTS // (problem.speed.size * lines))):
             place = list(cell)
             if "speed" in swept:
-                place.insert(swept.index("speed"), slice(0, study.speed.size))
+                place.insert(swept.index("speed"), slice(0, problem.speed.size))
             result.append(Part(prefix, cell, tuple(place)))
     return result
 
 
 def point_count(plan: Plan, block: Part) -> int:
     """Grid points that `progress` is told of while a block is computed."""
-    inside = math.prod(part.stop - part.start for part in block.cell) * plan.studies[block.prefix].speed.size
+    inside = math.prod(part.stop - part.start for part in block.cell) * plan.problems[block.prefix].speed.size
     return inside * (2 if plan.layout.frequency is not None else 1)
 
 
 def panels_of(plan: Plan) -> dict[str, tuple[SharedPanels, ...]]:
     """The quadrature nodes of both models' whole grids, for `compute`."""
-    return {prefix: shared_panels(study) for prefix, study in plan.studies.items()}
+    return {prefix: shared_panels(problem) for prefix, problem in plan.problems.items()}
 
 
 def compute(
@@ -73,10 +73,10 @@ def compute(
     progress: Progress = lambda points: None,
 ) -> dict[str, NDArray]:
     """The numbers of a block by variable, in the order of the variable's dimensions."""
-    whole = plan.studies[block.prefix]
-    study = replace(whole, vehicle=cut_grid(whole.vehicle, block.cell))
-    solution = solve.solve(study, jobs, progress, shared[block.prefix])
-    spectra = solve.psd(study, plan.layout.frequency.si, progress) if plan.layout.frequency is not None else None
+    whole = plan.problems[block.prefix]
+    problem = replace(whole, vehicle=cut_grid(whole.vehicle, block.cell))
+    solution = solve.solve(problem, jobs, progress, shared[block.prefix])
+    spectra = solve.psd(problem, plan.layout.frequency.si, progress) if plan.layout.frequency is not None else None
     return labels.arrays(plan.layout, block.prefix, solution, spectra)
 
 

@@ -1,4 +1,4 @@
-"""What a sweep computes: the numerical studies of both models, their axes, and what they will take."""
+"""What a sweep computes: the numerical problems of both models, their axes, and what they will take."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ COPIES = 3  # how many times a result stands in memory at most, while it is labe
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep computes and stores: its layout, and the numerical studies by model prefix."""
+    """What a sweep computes and stores: its layout, and the numerical problems by model prefix."""
 
     layout: Layout
-    studies: Mapping[str, Problem]
+    problems: Mapping[str, Problem]
 
     @classmethod
     def of(cls, case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Plan:
@@ -41,7 +41,7 @@ class Plan:
     def for_layout(cls, layout: Layout) -> Plan:
         """The plan that fills a layout."""
         case = layout.case
-        studies = {
+        problems = {
             prefix: Problem(
                 vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
                 speed=part.speeds(),
@@ -51,17 +51,17 @@ class Plan:
             )
             for prefix, part in (("", case), (TWIN, without_joints(case)))
         }
-        return cls(layout, studies)
+        return cls(layout, problems)
 
     @property
     def points(self) -> int:
         """Number of grid points of the joint model."""
-        return math.prod(self.studies[""].shape)
+        return math.prod(self.problems[""].shape)
 
     @property
     def work(self) -> int:
         """Grid points that `progress` is told of in all: both models, spectra counted again."""
-        once = sum(math.prod(study.shape) for study in self.studies.values())
+        once = sum(math.prod(problem.shape) for problem in self.problems.values())
         return once * (2 if self.layout.frequency is not None else 1)
 
     @property
@@ -69,14 +69,14 @@ class Plan:
         """Size of the dataset's numbers in bytes."""
         series = sum(max(1, len(RESPONSES[name].positions)) for name in self.layout.names)
         lines = self.layout.frequency.si.size if self.layout.frequency is not None else 0
-        values = sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.studies.values())
+        values = sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.problems.values())
         return (
             values + 6_000 * len(self.layout.names) + 2 * len(self.layout.case.text) + 50_000
         )  # what HDF5 and attributes take
 
     def seconds(self, jobs: int) -> float:
         """Estimated wall time of the sweep into a file in s, from timing a first block of each model."""
-        return sum(solve.seconds(study, jobs) for study in self.studies.values()) + self.stored_bytes / KEPT_A_SECOND
+        return sum(solve.seconds(problem, jobs) for problem in self.problems.values()) + self.stored_bytes / KEPT_A_SECOND
 
 
 def check_memory(plan: Plan) -> None:

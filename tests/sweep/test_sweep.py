@@ -94,7 +94,7 @@ def test_a_file_has_the_same_bits_however_it_is_cut(here, monkeypatch, points, b
 def test_blocks_cover_every_grid_point_once(monkeypatch, over):
     monkeypatch.setattr(parts, "POINTS", 30)
     plan = Plan.of(load_case("yu-damper-joint", over=over))
-    for prefix in plan.studies:
+    for prefix in plan.problems:
         count = np.zeros([axis.si.size for axis in plan.layout.axes(prefix)], int)
         for block in parts.cut(plan):
             if block.prefix == prefix:
