@@ -76,7 +76,8 @@ class Plan:
 
     def seconds(self, jobs: int) -> float:
         """Estimated wall time of the sweep into a file in s, from timing a first block of each model."""
-        return sum(solve.seconds(problem, jobs) for problem in self.problems.values()) + self.stored_bytes / KEPT_A_SECOND
+        computing = sum(solve.seconds(problem, jobs) for problem in self.problems.values())
+        return computing + self.stored_bytes / KEPT_A_SECOND
 
 
 def check_memory(plan: Plan) -> None:
