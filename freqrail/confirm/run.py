@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from freqrail.case.axis import SAME, Axis
 from freqrail.case.case import Case
 from freqrail.case.parameters import PARAMETERS, Parameter, suggestion
 from freqrail.case.quantities import parse_pair, parse_quantity
@@ -260,12 +261,20 @@ def _own_points(dataset: xr.Dataset, case: Case) -> list[tuple[str, Point | None
 
 def _point(place: Place) -> time_side.OperatingPoint:
     case = result_case(place.dataset)
-    vehicle = case.vehicles().at(tuple(place.index[axis.name] for axis in case.axes if axis.name != "speed"))
+    axes = tuple(_axis_of(place.dataset, axis) for axis in case.axes)
+    vehicles = replace(case, axes=axes).vehicles()
+    vehicle = vehicles.at(tuple(place.index[axis.name] for axis in axes if axis.name != "speed"))
     values = {name: quantity.value for name, quantity in case.quantities.items()}
     values |= {name: float(grid_axis(place.dataset, name).si[i]) for name, i in place.index.items()}
     # twelve digits: the streams must not hang on the last bit of a conversion of units
     key = ", ".join(f"{name}={values[name]:.12g}" for name in sorted(values))
     return time_side.OperatingPoint(vehicle, values["speed"], case.spectrum, key)
+
+
+def _axis_of(dataset: xr.Dataset, axis: Axis) -> Axis:
+    """A case's axis, or what a part of its result, or several put together, have of it."""
+    own = grid_axis(dataset, axis.name)
+    return axis if own.si.size == axis.si.size and np.allclose(own.si, axis.si, rtol=SAME, atol=0.0) else own
 
 
 def _label_of(place: Place) -> str:
