@@ -237,9 +237,10 @@ def _lag(vector: Vector, one: Vector, other: Vector, part: str, lags: list[tuple
 
 
 def lag_sums(reduction: Reduction) -> tuple[Form, Vector]:
-    """Lag functions as sums over the wheels' distances: forms d [distances, 1 + varying] in m, factors [lags, distances].
+    """Lag functions as sums over the wheels' distances: forms d [distances, 1 + varying], m, factors [lags, distances].
 
-    A lag function of a real part is the sum of factor x cos(omega d/v), of an imaginary part of factor x sin(omega d/v).
+    A lag function of a real part is the sum of factor x cos(omega d/v), of an imaginary part of factor x sin(omega
+    d/v).
     """
     distances = _Distances(reduction.system, reduction.lengths)
     factors = np.zeros((len(reduction.lags), distances.count))

@@ -1,13 +1,13 @@
 """Blocks as partial fractions: their poles, the residues there, and what rounding leaves of both.
 
 The poles come from the eigenvalues of the laws' realisations and are polished (`solver.free_oscillation`). At a simple
-pole p with null vector z the inverse of the block's matrix K has the residue z z^T/(z^T K'(p) z). Of a lightly damped pole
-the real part, which decides the height of its peak, comes from the energy that the struts take.
+pole p with null vector z the inverse of the block's matrix K has the residue z z^T/(z^T K'(p) z). Of a lightly damped
+pole the real part, which decides the height of its peak, comes from the energy that the struts take.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,17 +26,21 @@ from freqrail.types import Number
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+SPREAD = 1e-8  # smallest eigenvalue over the largest below which the slow ones are computed apart
+UNSURE = 5e-4  # relative error of a pole above which it is lost
+
 
 @dataclass(frozen=True)
 class Expansion:
     """A block as partial fractions: B(s) = constant + sum of residue_k/(s - pole_k), and of the conjugates.
 
     B are a block's scalars without their derivatives, a force's as the elongation that it belongs to, m per metre.
-    poles: [grid..., k] rad/s, those with Im >= 0. weight: [grid..., k], 2 for a pole with a conjugate, 1 for a real one,
-    0 where a vehicle has fewer than k; then pole and residues mean nothing. residues: {scalar: [grid..., k]}. rounding:
-    {scalar: [grid..., k]}, their possible errors, the real part's of a light pole included. defect: [grid..., k], the
-    slope z^T K' z over the sizes of its terms, 0 where two poles have become one. light: [grid..., k], lightly damped.
-    states: number of states, as many as poles with their conjugates for any vehicle.
+    poles: [grid..., k] rad/s, those with Im >= 0. weight: [grid..., k], 2 for a pole with a conjugate, 1 for a real
+    one, 0 where a vehicle has fewer than k; then pole and residues mean nothing. residues: {scalar: [grid..., k]}.
+    rounding: {scalar: [grid..., k]}, their possible errors, the real part's of a light pole included. defect: [grid...,
+    k], the slope z^T K' z over the sizes of its terms, 0 where two poles have become one. light: [grid..., k], lightly
+    damped. shift: [grid..., k], possible relative errors of the poles. lost: [grid...], a pole that no polishing found,
+    or that a vehicle cannot have. states: number of states, as many as poles with their conjugates for any vehicle.
     """
 
     poles: Complex
@@ -46,15 +50,20 @@ class Expansion:
     constants: dict[int, float]
     defect: Array
     light: NDArray[np.bool_]
+    shift: Array
+    lost: NDArray[np.bool_]
     states: int
 
-    def fractions(self, scalar: int, s: Complex) -> tuple[Complex, Array]:
-        """B of a scalar at s [grid..., n], and what rounding may leave of it."""
-        total = np.full(s.shape, self.constants[scalar], complex)
-        known = 4 * EPSILON * np.abs(total.real)
+    def fractions(self, which: Sequence[int], s: Complex) -> tuple[Complex, Array]:
+        """B of some scalars at s [grid..., n], and what rounding may leave of them: [grid..., scalars, n]."""
+        residues, rounding = (np.stack([table[i] for i in which], axis=-2) for table in (self.residues, self.rounding))
+        constants = np.array([self.constants[i] for i in which])[:, None]
+        s = s[..., None, :]
+        total: Number = constants + 0 * s
+        known: Number = 4 * EPSILON * np.abs(total)
         for k in range(self.poles.shape[-1]):  # one by one: the order of a sum's terms would depend on the shape
-            p, r, some = (x[..., k, None] for x in (self.poles, self.residues[scalar], self.weight))
-            error = self.rounding[scalar][..., k, None]
+            p, some = (x[..., k, None, None] for x in (self.poles, self.weight))
+            r, error = residues[..., k, None], rounding[..., k, None]
             for present, p_k, r_k in ((some > 0, p, r), (some > 1, np.conj(p), np.conj(r))):
                 near = np.where(present, 1.0 / (s - p_k), 0.0)
                 term = np.multiply(r_k, near)
@@ -146,6 +155,11 @@ def state_matrix(block: Block, lengths: Lengths, values: Values) -> tuple[Array,
     return a, there
 
 
+def _within(shape: tuple[int, ...], grid: tuple[int, ...]) -> bool:
+    """Whether an array spans axes of a grid only."""
+    return len(shape) <= len(grid) and all(a in (1, b) for a, b in zip(shape[::-1], grid[::-1], strict=False))
+
+
 def _realised(law: Law, values: Values) -> Realisation:
     found = law.realisation(values)
     if found is None:
@@ -161,11 +175,24 @@ def _wide(x: Number, axes: int) -> Number:
 def poles(block: Block, lengths: Lengths, values: Values) -> Complex:
     """Eigenvalues of a block for a grid of vehicles, rad/s: [grid..., n].
 
-    Those of missing states are -2 `FAR`, and all are NaN where the numbers overflow.
+    Those of missing states are -2 `FAR`, and all are NaN where the numbers overflow. Rounding leaves an error in
+    proportion to the largest; where they are far apart the slow ones are therefore those of the inverse matrix.
     """
     a, there = state_matrix(block, lengths, values)
     finite = np.asarray(np.isfinite(a).all(axis=(-2, -1)))
-    found = np.linalg.eigvals(np.where(finite[..., None, None], a, 0.0)).astype(complex)
+    a = np.where(finite[..., None, None], a, -np.eye(a.shape[-1]))
+    found = np.linalg.eigvals(a).astype(complex)
+    size = np.where(there.all(axis=-1, keepdims=True) | (np.abs(found + 2 * FAR) > 1e-6 * FAR), np.abs(found), np.nan)
+    wide = np.argwhere(np.nanmin(size, axis=-1) < SPREAD * np.nanmax(size, axis=-1))
+    for place in map(tuple, wide):
+        middle = np.sqrt(max(np.nanmin(size[place]), EPSILON * np.nanmax(size[place])) * np.nanmax(size[place]))
+        try:
+            slow = 1.0 / np.linalg.eigvals(np.linalg.inv(a[place]))
+        except np.linalg.LinAlgError:
+            continue
+        both = np.concatenate([found[place][np.abs(found[place]) >= middle], slow[np.abs(slow) < middle]])
+        if both.size == found.shape[-1]:
+            found[place] = both
     return np.where(finite[..., None], found, np.nan)
 
 
@@ -174,13 +201,13 @@ def poles(block: Block, lengths: Lengths, values: Values) -> Complex:
 
 def expand(reduction: Reduction, values: Values) -> dict[int, Expansion]:
     """Partial fractions of every block that scalars are read off, for a grid of vehicles."""
-    return {
-        index: _expand(block, some, reduction.lengths, values) for index, block, some in used(bases(reduction))
-    }
+    return {index: _expand(block, some, reduction.lengths, values) for index, block, some in used(bases(reduction))}
 
 
 def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: Values) -> Expansion:
     raw = poles(block, lengths, values)
+    rows = [entry for scalar in some.values() for entry in lengths.evaluate(scalar.row, values)]
+    raw = np.broadcast_to(raw, (*np.broadcast_shapes(raw.shape[:-1], *map(np.shape, rows)), raw.shape[-1]))
     near = (np.abs(raw) < FAR) | (np.abs(raw.imag) > LIGHT * np.abs(raw))
     weight = np.where(raw.imag > 0, 2.0, np.where(raw.imag < 0, 0.0, 1.0)) * near
     count = max(1, int(np.max(np.sum(weight > 0, axis=-1), initial=1)))
@@ -188,10 +215,10 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     weight, upper = (np.take_along_axis(x, order, axis=-1) for x in (weight, raw))
     grid = upper.shape
     p = np.where(weight > 0, upper, -1.0 + 0j).ravel()
-    names = {*block.parameters, *lengths.varying}
     own = {
-        name: np.repeat(np.broadcast_to(values[name], grid[:-1]).ravel(), count) if np.ndim(values[name]) else values[name]
-        for name in names
+        name: np.repeat(np.broadcast_to(v, grid[:-1]).ravel(), count) if np.ndim(v) else v
+        for name, v in values.items()
+        if name in block.parameters or _within(np.shape(v), grid[:-1])
     }
     p, found = polished(block, lengths, own, p)
     for places in clusters(p.reshape(-1, count), (weight > 0).reshape(-1, count)).values():
@@ -201,6 +228,8 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     real_part, real_part_error = real_parts(block, own, p, found)
     peak = np.where(light, real_part_error, 0.0)
     p = np.where(light, real_part + 1j * p.imag, p)
+    shift = (np.abs(found.step) + found.shift) / np.abs(p)
+    lost = ~((shift < UNSURE) & (p.real < 0))
     residues, rounding, constants = {}, {}, {}
     for k, scalar in some.items():
         if scalar.quantity == "displacement":
@@ -223,5 +252,7 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
         constants,
         (np.abs(found.slope) / found.size).reshape(grid),
         light.reshape(grid),
+        shift.reshape(grid),
+        np.any(lost.reshape(grid) & (weight > 0), axis=-1),
         raw.shape[-1],
     )

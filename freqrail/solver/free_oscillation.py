@@ -2,8 +2,8 @@
 
 In free oscillation K(s) z = 0 with the symmetric matrix K of `solver.elimination`, whose unknowns z are displacements x
 and forces f of the struts. A pole is polished by p <- p - z^T K z/(z^T K' z), with z from inverse iteration, which
-converges cubically (A. Neumaier, "Residual inverse iteration for the nonlinear eigenvalue problem", SIAM J. Numer. Anal.
-22 (1985)); z^T K' z = 2 p sum of m x^2 + sum of D'(p) e^2 with the elongations e = f/D.
+converges cubically (A. Neumaier, "Residual inverse iteration for the nonlinear eigenvalue problem", SIAM J. Numer.
+Anal. 22 (1985)); z^T K' z = 2 p sum of m x^2 + sum of D'(p) e^2 with the elongations e = f/D.
 
 Inverse iteration tells poles apart by their distance. Where several are nearly one, as those of wheelsets that hardly
 feel each other, the space of all their vectors is found together and the poles are those of K in it.
@@ -38,8 +38,9 @@ ROUNDED = 4.0  # roundings in an entry of K, a product with it and a sum
 class Oscillation:
     """A block in free oscillation at poles [n], and what rounding leaves of it.
 
-    z: [n, unknowns]. x: [coordinates, n] m or rad. f, e: [struts, n] N and m. The *_errors of these are absolute. slope:
-    z^T K' z, slope_error relative; size: the sum of its terms' sizes. step: how far the pole still is, rad/s.
+    z: [n, unknowns]. x: [coordinates, n] m or rad. f, e: [struts, n] N and m. The *_errors of these are absolute.
+    slope: z^T K' z, slope_error relative; size: the sum of its terms' sizes. step: how far the pole still is, rad/s,
+    shift: how far rounding may move it.
     """
 
     z: Complex
@@ -53,12 +54,14 @@ class Oscillation:
     slope_error: Array
     size: Array
     step: Complex
+    shift: Array
 
 
 @dataclass(frozen=True)
 class _Matrix:
-    """K at some s [n], scaled by powers of two: k = scale K scale, masses count about 1 and so does a strut's compliance,
-    together with the receptances of what it joins.
+    """K at some s [n], scaled by powers of two: k = scale K scale.
+
+    Masses count about 1, and so does a strut's compliance together with the receptances of what it joins.
 
     laws: compliances. slopes: D' and the relative error of D, by law. inertia: [coordinates], kg.
     """
@@ -95,18 +98,25 @@ def _slope(law: Law, values: Values, s: Complex, compliance: Number) -> tuple[Nu
     return slopes[BY_S], 2 * EPSILON * (1.0 + np.nan_to_num(size * np.abs(compliance), nan=0.0, posinf=1 / EPSILON))
 
 
-def _bordered(k: Complex, start: Complex) -> tuple[Complex, Complex, Complex]:
-    """(G, Y, A) of the inverse of k [n, m, m] with rows and columns `start` [n, c, m] appended; NaN where there is none.
-
-    It is regular at a pole. K Y + start^T A = 0, so that Y [n, m, c] spans the null space there, and G [n, m, m] tells how far
-    an error in K carries, |dz| <= |G| |dK| |z| (Higham, Accuracy and Stability of Numerical Algorithms, chapter 7).
-    """
+def _bordered(k: NDArray, start: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Matrices k [n, m, m] with `start` [n, c, m] appended, and which are finite; an identity for others."""
     size, more = k.shape[-1], start.shape[1]
     matrix = np.zeros((len(k), size + more, size + more), complex)
     matrix[:, :size, :size], matrix[:, size:, :size] = k, start
     matrix[:, :size, size:] = np.swapaxes(start, 1, 2)
-    good = np.isfinite(matrix).all(axis=(-2, -1), keepdims=True)
-    matrix = np.where(good, matrix, np.eye(size + more))
+    good = np.asarray(np.isfinite(matrix).all(axis=(-2, -1), keepdims=True))
+    return np.where(good, matrix, np.eye(size + more)), good
+
+
+def _inverse(k: NDArray, start: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """(G, Y, A) of the inverse of a bordered matrix; NaN where there is none.
+
+    It is regular at a pole. K Y + start^T A = 0, so that Y [n, m, c] spans the null space there, and G [n, m, m] tells
+    how far an error in K carries, |dz| <= |G| |dK| |z| (Higham, Accuracy and Stability of Numerical Algorithms, chapter
+    7).
+    """
+    size, more = k.shape[-1], start.shape[1]
+    matrix, good = _bordered(k, start)
     try:
         inverse = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:  # one of them is singular: nudge them all
@@ -115,17 +125,25 @@ def _bordered(k: Complex, start: Complex) -> tuple[Complex, Complex, Complex]:
     return inverse[:, :size, :size], inverse[:, :size, size:], inverse[:, size:, size:]
 
 
-def _start(count: int, unknowns: int) -> Complex:
+def _start(count: int, unknowns: int) -> NDArray:
     """Vectors to start from, [count, unknowns], the same for all."""
     return np.random.default_rng(7).uniform(0.5, 1.5, (count, unknowns)) * (1 + 0j)
 
 
-def _null_vector(matrix: _Matrix, start: Complex) -> tuple[Complex, Complex]:
+def _null_vector(block: Block, matrix: _Matrix, start: Complex) -> tuple[Complex, Complex]:
     """(z, G): the null vector [n, unknowns] of unit length, from start [n, unknowns]."""
-    carried, z, rest = _bordered(matrix.k, start[:, None, :])
+    carried, z, rest = _inverse(matrix.k, start[:, None, :])
     z = z[..., 0]
     z = z - _product(carried, _product(matrix.k, z) + start * rest[:, 0])  # what the inverse's rounding left
-    return z / np.sqrt(_total(np.square(np.abs(z)).T))[:, None], carried
+    return _unit(z, block), carried
+
+
+def _unit(z: Complex, block: Block) -> Complex:
+    """Vectors [n, unknowns] with the largest displacement 1, so that what blocks share rounds alike in all."""
+    largest = np.argmax(np.abs(z[:, : block.size]), axis=-1)[:, None]
+    result = z / np.take_along_axis(z, largest, axis=-1)
+    np.put_along_axis(result, largest, 1.0, axis=-1)
+    return result
 
 
 def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: Complex) -> Oscillation:
@@ -170,6 +188,7 @@ def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: Complex) ->
         slope_error / np.abs(slope),
         size,
         -_total((z * _product(matrix.k, z)).T) / slope,
+        _total((np.abs(z) * uncertain).T) / np.abs(slope),
     )
 
 
@@ -190,10 +209,11 @@ def real_parts(block: Block, values: Values, p: Complex, found: Oscillation) -> 
 
 def polished(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple[Complex, Oscillation]:
     """Poles [n], polished, and the free oscillation there; values: of each pole's vehicle, floats or [n]."""
-    start = np.broadcast_to(_start(1, block.size + len(block.struts)), (p.size, block.size + len(block.struts)))
+    p, start = _nearer(block, lengths, values, p)
     found = _at(block, lengths, values, p, start)
-    todo, before = np.arange(p.size), np.full(p.size, np.inf)
-    for _ in range(POLISHING):
+    before = np.abs(found.step)
+    todo = np.flatnonzero(before > FOUND * np.abs(p))
+    for _ in range(POLISHING if todo.size else 0):
         step = found.step[todo]
         p = p.copy()
         p[todo] = np.where(np.abs(step) < STEP * np.abs(p[todo]), p[todo] + step, p[todo])
@@ -208,9 +228,26 @@ def polished(block: Block, lengths: Lengths, values: Values, p: Complex) -> tupl
     return p, found
 
 
+def _nearer(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple[Complex, Complex]:
+    """Poles [n] after one step, from no vector in particular, and vectors to go on with [n, unknowns]."""
+    matrix = _matrix(block, lengths, values, p)
+    unknowns = matrix.k.shape[-1]
+    bordered, good = _bordered(matrix.k, np.broadcast_to(_start(1, unknowns), (p.size, 1, unknowns)))
+    right = np.zeros((p.size, unknowns + 1, 1))
+    right[:, -1] = 1.0
+    try:
+        z = np.linalg.solve(bordered, right)[:, :-1, 0]
+    except np.linalg.LinAlgError:
+        return p, np.broadcast_to(_start(1, unknowns), (p.size, unknowns))
+    slope = _total((np.square(z) * _derivative(block, matrix)).T)
+    step = -_total((z * _product(matrix.k, z)).T) / slope
+    near = good[:, 0, 0] & (np.abs(step) < STEP * np.abs(p))
+    return np.where(near, p + step, p), np.conj(z) / np.sqrt(_total(np.square(np.abs(z)).T))[:, None]
+
+
 def _at(block: Block, lengths: Lengths, values: Values, p: Complex, start: Complex) -> Oscillation:
     matrix = _matrix(block, lengths, values, p)
-    return _oscillation(block, matrix, *_null_vector(matrix, start))
+    return _oscillation(block, matrix, *_null_vector(block, matrix, start))
 
 
 def together(
@@ -218,8 +255,8 @@ def together(
 ) -> tuple[Complex, Oscillation]:
     """Poles [n] and their oscillations, those at places [clusters, m], each of m nearly equal poles, found together.
 
-    With Y a basis of the space that m steps of inverse iteration at their mean p0 lead to, poles and vectors are those of
-    Y^T (K(p0) + (s - p0) K'(p0)) Y. Any basis of the space of equal poles serves, if its vectors are orthogonal with
+    With Y a basis of the space that m steps of inverse iteration at their mean p0 lead to, poles and vectors are those
+    of Y^T (K(p0) + (s - p0) K'(p0)) Y. Any basis of the space of equal poles serves, if its vectors are orthogonal with
     K': the sum over them is what counts.
     """
     count, m = places.shape
@@ -228,7 +265,7 @@ def together(
     unknowns = middle.k.shape[-1]
     start = np.broadcast_to(_start(m, unknowns), (count, m, unknowns))
     for _ in range(3):
-        carried, space, _ = _bordered(middle.k, start)
+        carried, space, _ = _inverse(middle.k, start)
         good = np.isfinite(space).all(axis=(-2, -1), keepdims=True)
         space = np.linalg.qr(np.where(good, space, np.eye(unknowns, m)))[0]
         start = np.conj(np.swapaxes(space, 1, 2))
@@ -246,11 +283,10 @@ def together(
             a, b = vectors[:, :, j], vectors[:, :, i]
             along = np.einsum("ci,cij,cj->c", a, t, b) / np.einsum("ci,cij,cj->c", a, t, a)
             vectors[:, :, i] = b - along[:, None] * a
-    z = np.swapaxes(space @ vectors, 1, 2)  # [clusters, m, unknowns]
-    p = p.copy()
+    z: NDArray = np.swapaxes(space @ vectors, 1, 2)  # [clusters, m, unknowns]
+    p, carried = p.copy(), np.repeat(carried, m, axis=0)
     flat, wide = places.ravel(), _some(values, places.ravel())
     z, own_scale = z.reshape(-1, unknowns), np.repeat(middle.scale, m, axis=0)
-    carried = np.repeat(carried, m, axis=0)
     here = np.repeat(middle.s, m)
     for _ in range(3):
         matrix = _matrix(block, lengths, wide, here)
@@ -258,7 +294,7 @@ def together(
         own_scale = matrix.scale
         z, carried = z * ratio, carried * ratio[:, :, None] * ratio[:, None, :]
         z = z - _product(carried, _product(matrix.k, z))
-        z = z / np.sqrt(_total(np.square(np.abs(z)).T))[:, None]
+        z = _unit(z, block)
         slope = _total((np.square(z) * _derivative(block, matrix)).T)
         step = -_total((z * _product(matrix.k, z)).T) / slope
         here = np.where(np.abs(step) < 10 * CLOSE * np.abs(here), here + step, here)
@@ -275,7 +311,7 @@ def _derivative(block: Block, matrix: _Matrix) -> Complex:
 
 
 def clusters(p: Complex, there: NDArray[np.bool_]) -> dict[int, NDArray[np.intp]]:
-    """Poles of vehicles [vehicles, k] that are nearly one: {m: flat indices [clusters, m]}. there: which of p are poles."""
+    """Poles of vehicles [vehicles, k] that are nearly one: {m: flat indices [clusters, m]}. there: what are poles."""
     poles = np.where(there, p, np.nan)
     close = np.abs(poles[:, :, None] - poles[:, None, :]) < CLOSE * np.abs(poles[:, :, None])
     result: dict[int, list[list[int]]] = {}
