@@ -309,7 +309,9 @@ def track_terms(
             (x, x_error), (y, _) = read[each.x, 1.0], read[each.y, -1.0]
             term = each.coefficient * (x * y)
             value[..., each.row, :] += weight[..., each.row, None] * term
-            lost = LOSS * np.abs(term) + abs(each.coefficient) * x_error * np.abs(y)
+            lost = LOSS * np.abs(term)
+            if np.any(x_error):
+                lost = lost + abs(each.coefficient) * x_error * np.abs(y)
             error[..., each.row, :] += size[..., each.row, None] * lost
         yield value, error
 

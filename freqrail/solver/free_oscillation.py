@@ -146,7 +146,7 @@ def _unit(z: Complex, block: Block) -> Complex:
     return result
 
 
-def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: Complex) -> Oscillation:
+def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: NDArray) -> Oscillation:
     """What a scaled null vector z [n, unknowns] tells."""
     n, p, scale = block.size, matrix.s, matrix.scale
     laws = [strut.law for strut in block.struts]
@@ -209,8 +209,7 @@ def real_parts(block: Block, values: Values, p: Complex, found: Oscillation) -> 
 
 def polished(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple[Complex, Oscillation]:
     """Poles [n], polished, and the free oscillation there; values: of each pole's vehicle, floats or [n]."""
-    p, start = _nearer(block, lengths, values, p)
-    found = _at(block, lengths, values, p, start)
+    p, found = _nearer(block, lengths, values, p)
     before = np.abs(found.step)
     todo = np.flatnonzero(before > FOUND * np.abs(p))
     for _ in range(POLISHING if todo.size else 0):
@@ -228,21 +227,31 @@ def polished(block: Block, lengths: Lengths, values: Values, p: Complex) -> tupl
     return p, found
 
 
-def _nearer(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple[Complex, Complex]:
-    """Poles [n] after one step, from no vector in particular, and vectors to go on with [n, unknowns]."""
-    matrix = _matrix(block, lengths, values, p)
-    unknowns = matrix.k.shape[-1]
-    bordered, good = _bordered(matrix.k, np.broadcast_to(_start(1, unknowns), (p.size, 1, unknowns)))
-    right = np.zeros((p.size, unknowns + 1, 1))
-    right[:, -1] = 1.0
-    try:
-        z = np.linalg.solve(bordered, right)[:, :-1, 0]
-    except np.linalg.LinAlgError:
-        return p, np.broadcast_to(_start(1, unknowns), (p.size, unknowns))
+def _nearer(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple[Complex, Oscillation]:
+    """Poles [n] after one step, from no vector in particular, and what is known there.
+
+    The step is short where eigenvalues are good: the vector is refined with the inverse at hand.
+    """
+    before = _matrix(block, lengths, values, p)
+    start = np.broadcast_to(_start(1, before.k.shape[-1]), (p.size, before.k.shape[-1]))
+    z, carried = _null_vector(block, before, start)
+    step = _step(block, before, z)
+    p = np.where(np.abs(step) < STEP * np.abs(p), p + step, p)
+    after = _matrix(block, lengths, values, p)
+    return p, _oscillation(block, after, *_refined(block, before, after, z, carried))
+
+
+def _step(block: Block, matrix: _Matrix, z: Complex) -> Complex:
+    """Towards the pole, rad/s."""
     slope = _total((np.square(z) * _derivative(block, matrix)).T)
-    step = -_total((z * _product(matrix.k, z)).T) / slope
-    near = good[:, 0, 0] & (np.abs(step) < STEP * np.abs(p))
-    return np.where(near, p + step, p), np.conj(z) / np.sqrt(_total(np.square(np.abs(z)).T))[:, None]
+    return np.asarray(-_total((z * _product(matrix.k, z)).T) / slope)
+
+
+def _refined(block: Block, before: _Matrix, after: _Matrix, z: NDArray, carried: NDArray) -> tuple[Complex, NDArray]:
+    """Null vectors and G, scaled for a matrix beside their own, the vectors refined there."""
+    ratio = before.scale / after.scale
+    z, carried = z * ratio, carried * ratio[:, :, None] * ratio[:, None, :]
+    return _unit(z - _product(carried, _product(after.k, z)), block), carried
 
 
 def _at(block: Block, lengths: Lengths, values: Values, p: Complex, start: Complex) -> Oscillation:
@@ -286,20 +295,17 @@ def together(
     z: NDArray = np.swapaxes(space @ vectors, 1, 2)  # [clusters, m, unknowns]
     p, carried = p.copy(), np.repeat(carried, m, axis=0)
     flat, wide = places.ravel(), _some(values, places.ravel())
-    z, own_scale = z.reshape(-1, unknowns), np.repeat(middle.scale, m, axis=0)
-    here = np.repeat(middle.s, m)
+    z, here = z.reshape(-1, unknowns), np.repeat(middle.s, m)
+    before = _matrix(block, lengths, wide, here)
     for _ in range(3):
         matrix = _matrix(block, lengths, wide, here)
-        ratio = own_scale / matrix.scale  # the vectors' scale is that of the mean
-        own_scale = matrix.scale
-        z, carried = z * ratio, carried * ratio[:, :, None] * ratio[:, None, :]
-        z = z - _product(carried, _product(matrix.k, z))
-        z = _unit(z, block)
-        slope = _total((np.square(z) * _derivative(block, matrix)).T)
-        step = -_total((z * _product(matrix.k, z)).T) / slope
+        z, carried = _refined(block, before, matrix, z, carried)
+        step = _step(block, matrix, z)
         here = np.where(np.abs(step) < 10 * CLOSE * np.abs(here), here + step, here)
+        before = matrix
     p[flat] = here
-    return p, _replaced(found, flat, _oscillation(block, _matrix(block, lengths, wide, here), z, carried))
+    last = _matrix(block, lengths, wide, here)
+    return p, _replaced(found, flat, _oscillation(block, last, *_refined(block, before, last, z, carried)))
 
 
 def _derivative(block: Block, matrix: _Matrix) -> Complex:
