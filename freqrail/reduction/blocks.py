@@ -110,10 +110,17 @@ def _struts(system: System, rows: Form, basis: NDArray[np.float64]) -> tuple[Str
         fewer = _fewest(group)
         for unit, members in group if fewer is None else []:
             size = float(np.sqrt(sum(factor**2 for _, factor in members)))
-            struts.append(Strut(law, size * unit, tuple((k, factor / size) for k, factor in members), wheel))
+            struts.append(Strut(law, _exact(size * unit), tuple((k, factor / size) for k, factor in members), wheel))
         for row, members in fewer or []:
             struts.append(Strut(law, row, tuple(members), wheel))
     return tuple(sorted(struts, key=lambda strut: strut.wheel))
+
+
+def _exact(row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Entries that are roots of whole numbers but for rounding, as these: what blocks share stays equal."""
+    whole = np.round(np.square(row))
+    root = np.sign(row) * np.sqrt(whole)
+    return np.where((whole > 0) & (np.abs(row - root) <= 8 * np.finfo(float).eps * np.abs(root)), root, row)
 
 
 Group = list[tuple[NDArray[np.float64], list[tuple[int, float]]]]

@@ -181,6 +181,7 @@ class _Distances:
                 found.append(vector)
             self.sign[place] = np.sign(factor)
         self.count = len(found)
+        self.forms = found
 
     def product(self, one: Vector, other: Vector, part: str) -> Vector:
         """Re or Im of U U'* as factors of cosines and of sines: [2 x distances]."""
@@ -233,6 +234,20 @@ def _lag(vector: Vector, one: Vector, other: Vector, part: str, lags: list[tuple
             return factor, index
     lags.append((unit, Lag(one, other, part, 1 / factor)))
     return factor, len(lags) - 1
+
+
+def lag_sums(reduction: Reduction) -> tuple[Form, Vector]:
+    """Lag functions as sums over the wheels' distances: forms d [distances, 1 + varying], m, factors [lags, distances].
+
+    A lag function of a real part is the sum of factor x cos(omega d/v), of an imaginary part of factor x sin(omega
+    d/v).
+    """
+    distances = _Distances(reduction.system, reduction.lengths)
+    factors = np.zeros((len(reduction.lags), distances.count))
+    for k, lag in enumerate(reduction.lags):
+        cosines, sines = np.split(distances.product(lag.one, lag.other, lag.part), 2)
+        factors[k] = lag.factor * (cosines if lag.part == "re" else sines)
+    return np.array(distances.forms), factors
 
 
 def _clean(weights: Vector) -> Vector:

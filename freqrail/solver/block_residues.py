@@ -1,0 +1,189 @@
+"""Mean squares over the whole frequency axis in closed form, over blocks, for a rational track spectrum.
+
+With X and Y two scalars of the blocks, J_XY(d) = integral over all omega of X(i w) Y(-i w) G(w) e^{i w d} for a lag d
+>= 0 closes in the left half plane:
+
+    J_XY(d) = 2 pi sum over the poles p of X and of G of Res[X(s) Y(-s) G(s) e^{s d}].
+
+Each column of a reduction (`reduction.columns`) is a sum of such integrals over its powers and over the distances
+between wheels that its lag function is a sum of: the integral over omega > 0 of Re(X Y*) cos(w d) G is (J_XY + J_YX)/4,
+of Im(X Y*) sin(w d) G (J_YX - J_XY)/4. The poles of a vehicle do not depend on the speed: one eigenproblem serves all.
+
+Where two poles of a block merge (critical damping) or one meets the spectrum's, the residues grow without bound and
+cancel, though their sum is smooth. There the value is interpolated from vehicles with more and less damping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.model.elements import Bending, Dashpot, Law, Values
+from freqrail.model.spectrum import RationalSpectrum, Spectrum
+from freqrail.reduction.columns import Reduction
+from freqrail.solver.block_poles import Array, Expansion
+from freqrail.solver.block_quadrature import shape_of
+from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, track_terms
+from freqrail.solver.quadrature import MeanSquare
+from freqrail.solver.residues import MEETING, MERGING, SPREAD, SUPPORT, spread
+from freqrail.types import Number
+
+DEFECT = 0.05  # slope of a pole over its terms below which a pole near it may be merging with it
+FEWER = slice(1, -1)  # nodes of a second interpolation, which tells the first one's error
+
+
+def whole_axis_mean_squares(
+    reduction: Reduction, values: Values, spectrum: Spectrum, speed: Array
+) -> dict[str, MeanSquare]:
+    """Mean squares over the whole axis of every output of a reduction, for a grid of vehicles and every speed.
+
+    values: by parameter, broadcasting to [grid...]; speed: [m] in m/s. Returns {output: MeanSquare}, [labels, grid...,
+    speeds]. The error estimate counts what the terms lose when they cancel and what the residues lack. A vehicle that
+    is undamped or whose numbers overflow gives inf or nan, which the caller judges. Raises TypeError for a spectrum,
+    and ValueError for a law, that is not rational.
+    """
+    if not isinstance(spectrum, RationalSpectrum):
+        raise TypeError(f"the closed form is for rational spectra (got {type(spectrum).__name__})")
+    grid = shape_of(values)
+    own = {name: np.asarray(v) if np.size(v) > 1 else float(np.ravel(v)[0]) for name, v in values.items()}
+    if not grid:
+        first = reduction.system.inertias[0]
+        own[first] = np.reshape(own[first], 1)
+    with np.errstate(all="ignore"):
+        parts = [(weight, _mean_squares(reduction, own, each, speed)) for weight, each in spread(spectrum)]
+    result = {}
+    for name in reduction.columns:
+        value = np.sum([weight * part[name].value for weight, part in parts], axis=0)
+        error = np.sum([abs(weight) * part[name].error for weight, part in parts], axis=0)
+        shape = (value.shape[0], *grid, value.shape[-1])
+        result[name] = MeanSquare(value.reshape(shape), error.reshape(shape))
+    return result
+
+
+def _mean_squares(
+    reduction: Reduction, values: Values, spectrum: RationalSpectrum, speed: Array
+) -> dict[str, MeanSquare]:
+    squares, singular = _sum_of_residues(reduction, values, spectrum, speed)
+    merging = np.all(singular, axis=-1, keepdims=True)
+    places = np.argwhere(merging[..., 0])
+    if places.size:
+        _interpolate(reduction, values, spectrum, speed, squares, tuple(places.T))
+    places = np.argwhere(singular & ~merging)
+    if places.size:
+        _interpolate(reduction, values, spectrum, speed[places[:, -1], None, None], squares, tuple(places.T))
+    return squares
+
+
+def dampings(reduction: Reduction) -> set[str]:
+    """Names of the parameters that scale a damper's force."""
+
+    def of_law(law: Law) -> Iterator[str]:
+        if isinstance(law, Dashpot):
+            yield law.name
+        elif isinstance(law, Bending):
+            yield law.damping_ratio
+        for part in getattr(law, "parts", ()):
+            yield from of_law(part)
+
+    return {name for law in reduction.system.laws for name in of_law(law)}
+
+
+def _interpolate(
+    reduction: Reduction,
+    values: Values,
+    spectrum: RationalSpectrum,
+    speed: Array,
+    squares: dict[str, MeanSquare],
+    places: tuple[NDArray[np.intp], ...],
+) -> None:
+    """Replace `squares` at grid indices `places` by values interpolated from vehicles around them.
+
+    Their dampers' constants are scaled by factors around 1. places: one index array [r] an axis of the grid, and for
+    single speeds one more; speed: [m], all of them, or [r, 1, 1], that of each place.
+    """
+    grid = shape_of(values)
+    offsets = SPREAD * np.cos(np.pi * (np.arange(SUPPORT) + 0.5) / SUPPORT)
+    weight = _to_zero(offsets)
+    fewer = weight.copy()
+    fewer[FEWER] -= _to_zero(offsets[FEWER])
+    near = {
+        name: np.broadcast_to(v, grid)[places[: len(grid)]].reshape(-1, 1) if np.ndim(v) else v
+        for name, v in values.items()
+    }
+    near |= {name: near[name] * (1 + offsets) for name in dampings(reduction)}
+    around, _ = _sum_of_residues(reduction, near, spectrum, speed)
+    for name, square in around.items():
+        value = np.einsum("prks,k->prs", square.value, weight)
+        error = np.einsum("prks,k->prs", square.error, np.abs(weight))
+        error += np.abs(np.einsum("prks,k->prs", square.value, fewer))
+        everywhere: tuple[Any, ...] = (slice(None), *places)
+        single = len(places) > len(grid)
+        squares[name].value[everywhere] = value[..., 0] if single else value
+        squares[name].error[everywhere] = error[..., 0] if single else error
+
+
+def _to_zero(nodes: Array) -> Array:
+    """Weights of the polynomial through values at nodes, at zero."""
+    return np.array([np.prod([z / (z - x) for z in nodes if z != x]) for x in nodes])
+
+
+def _sum_of_residues(
+    reduction: Reduction, values: Values, spectrum: RationalSpectrum, speed: Array
+) -> tuple[dict[str, MeanSquare], NDArray[np.bool_]]:
+    """The plain formula, and where [grid..., speeds] merging or meeting poles spoil it.
+
+    speed: [speeds], or [grid..., speeds] with axes of length 1 where it is common to the vehicles.
+    """
+    rows = [(name, each) for name, some in reduction.columns.items() for each in some]
+    products = products_of(rows)
+    distances = distances_of(reduction, values)
+    lags = distances.factors[..., [each.lag for _, each in rows], :]
+    blocks = read_blocks(reduction, values)
+    shape = (*shape_of(values), speed.shape[-1])
+    loss = losses_of(reduction, rows, blocks)
+    totals, errors = np.zeros((2, *shape[:-1], len(rows), shape[-1]))
+    for index in blocks:
+        own = [each for each in products if reduction.scalars[each.x].block == index]
+        if own:
+            value, error = pole_terms(blocks, index, own, len(rows), reduction, lags, distances, loss, spectrum, speed)
+            totals += value
+            errors += error
+    for value, error in track_terms(reduction, values, blocks, products, lags, distances, spectrum, speed):
+        totals += value
+        errors += error
+    result = {}
+    for output in reduction.outputs:
+        value, error = np.zeros((2, len(output.taps), *shape))
+        for row, (name, each) in enumerate(rows):
+            if name == output.name:
+                for label, weight in enumerate(each.weights):
+                    if weight:
+                        value[label] += weight * totals[..., row, :]
+                        error[label] += abs(weight) * errors[..., row, :]
+        result[output.name] = MeanSquare(value, np.where(np.isnan(error), np.inf, error))
+    singular = _singular([block.expansion for block in blocks.values()], spectrum, speed)
+    return result, np.broadcast_to(singular, shape)
+
+
+def _singular(expansions: list[Expansion], spectrum: RationalSpectrum, speed: Array) -> NDArray[np.bool_]:
+    """Where the plain formula loses its digits: [grid..., speeds]."""
+    result: Number = np.zeros(speed.shape[-1], dtype=bool)
+    for each in expansions:
+        taken = np.any([r != 0 for r in each.residues.values()], axis=0) & (each.weight > 0)
+        p = np.where(taken, each.poles, np.nan)
+        size = np.abs(p)
+        with_conjugates = np.concatenate([p, np.where(each.weight > 1, np.conj(p), np.nan)], axis=-1)
+        gaps = np.abs(p[..., :, None] - with_conjugates[..., None, :])
+        gaps[..., range(p.shape[-1]), range(p.shape[-1])] = np.nan
+        merging = (gaps < MERGING * size[..., None]) & (each.defect < DEFECT)[..., None]
+        result = result | np.any(merging, axis=(-2, -1))[..., None]
+        # the spectrum's poles are real: only vehicle's poles next to the real axis can meet them
+        real = np.where(np.abs(p.imag) < MEETING * size, p.real, np.nan)
+        for k in np.flatnonzero(np.any(np.isfinite(real), axis=tuple(range(p.ndim - 1)))):
+            for cutoff in spectrum.cutoffs:
+                distance = np.abs(real[..., k, None] + cutoff * speed)
+                result = result | (distance < MEETING * np.abs(real[..., k, None]))
+    return np.asarray(result)
