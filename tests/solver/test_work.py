@@ -233,6 +233,23 @@ def test_a_peak_outside_the_band_of_all_speeds_keeps_no_one_from_sharing(paper_v
         assert (found.edges is not None) is shared
 
 
+@pytest.mark.parametrize(("place", "shared"), [("inside", False), ("outside", True), ("nowhere", True)])
+def test_a_peak_whose_width_no_one_knows_keeps_all_from_sharing(paper_vehicle, monkeypatch, place, shared):
+    """One inside the band, of one vehicle: the car body's bounce near 1.1 Hz; the wheelsets' is outside."""
+    sampled = panels._sampled
+
+    def unknown(vehicle: Vehicle, chain: str):
+        found = sampled(vehicle, chain)
+        frequency = np.abs(found.poles.imag) / 2 / np.pi
+        low, high = {"inside": (0.5, 2.0), "outside": (150.0, 250.0), "nowhere": (1e6, 1e7)}[place]
+        first = np.cumsum((frequency > low) & (frequency < high)) == 1
+        return replace(found, known=~(first & (frequency > low) & (frequency < high)))
+
+    monkeypatch.setattr(panels, "_sampled", unknown)
+    (found,) = panels.shared_panels(study(replace(paper_vehicle, primary_joint_stiffness=JOINTS), 60.0))
+    assert (found.edges is not None) is shared
+
+
 @pytest.mark.parametrize(
     ("shape", "sampled"),
     [
@@ -370,16 +387,33 @@ def test_edges_are_those_of_every_speeds_band_and_the_kinks_inside(paper_vehicle
     assert panels.first_edges(of, np.array([1j])) == pytest.approx([1.5, 2.0, 10.0], rel=1e-12)
 
 
-@pytest.mark.parametrize(("band", "highest"), [(FREQUENCY, 200 * np.pi), (None, 20 * 300.0)])
-def test_the_phase_of_the_longest_lag_is_known_to_the_rounding_of_the_highest_frequency(paper_vehicle, band, highest):
-    """With 2,000 km from the first axle to the last nothing else counts."""
-    found = panels.Resonances(np.array([-30 + 300j]), np.array([True]), np.zeros(1), {})
-    long = replace(paper_vehicle, half_bogie_spacing=np.array([1e3, 1e6 - 0.5]), half_wheelbase=0.5)
+@pytest.mark.parametrize(
+    ("band", "poles", "highest"),
+    [(FREQUENCY, [-30 + 300j], 200 * np.pi), (None, [-30 + 300j], 20 * 300.0), (None, [], 20.0)],
+)
+def test_the_phase_of_the_longest_lag_is_known_to_the_rounding_of_the_highest_frequency(
+    paper_vehicle, band, poles, highest
+):
+    """With two million kilometres from the first axle to the last nothing else counts."""
+    here = np.array(poles, dtype=complex)
+    found = panels.Resonances(here, np.full(here.shape, True), np.zeros(here.shape), {})
+    long = replace(paper_vehicle, half_bogie_spacing=np.array([1e6, 1e9 - 0.5]), half_wheelbase=0.5)
     for speed in (20.0, 60.0):
         of = study(long, speed, band, ("bogie_acceleration",))
         errors = panels.rounding_errors(of, dict.fromkeys(of.chains, found))
-        phase = EPSILON * highest * 2e6 / speed
-        assert errors["bogie_acceleration"] == pytest.approx([phase], rel=1e-3)
+        phase = EPSILON * highest * 2e9 / speed
+        assert errors["bogie_acceleration"] == pytest.approx([phase], rel=1e-4)
+
+
+def test_a_peak_of_unknown_width_leaves_no_estimate_to_the_responses_that_it_enters(paper_vehicle):
+    """One chain of two is enough; the bogies' pitch alone is not concerned."""
+    names = ("bogie_acceleration", "bogie_pitch_acceleration")
+    of = study(paper_vehicle, 60.0, FREQUENCY, names)
+    found = {chain: own_resonances(of.vehicle, chain) for chain in of.chains}
+    found["pitch"] = replace(found["pitch"], known=np.zeros(found["pitch"].poles.shape, dtype=bool))
+    errors = panels.rounding_errors(of, found)
+    assert errors["bogie_acceleration"].tolist() == [np.inf]
+    assert np.all(errors["bogie_pitch_acceleration"] < 1e-11)
 
 
 def test_the_bound_of_the_tail_begins_where_the_nodes_end(paper_vehicle, monkeypatch):
@@ -462,3 +496,13 @@ def test_the_first_block_of_a_grid_is_timed(paper_vehicle, monkeypatch, band, mo
     masses = np.linspace(500, 700, 5)
     assert solve.seconds(study(replace(paper_vehicle, bogie_mass=masses), 60.0, band)) == 15.0
     assert np.ravel(timed[0].bogie_mass).tolist() == masses[:2].tolist()
+
+
+def test_where_nothing_is_shared_the_first_vehicle_is_timed(paper_vehicle, monkeypatch):
+    timed = []
+    monkeypatch.setattr(solve, "shared_panels", lambda of: (panels.SharedPanels(np.array([0]), None, {}),))
+    monkeypatch.setattr(solve, "_own_quadrature", lambda of, index: timed.append(index) or {})
+    monkeypatch.setattr(solve, "_timed", lambda task: task() is None or 6.0)
+    many = replace(paper_vehicle, bogie_mass=np.linspace(500, 700, 5), car_body_mass=np.array([[1e4], [2e4]]))
+    assert solve.seconds(study(many, 60.0)) == 60.0
+    assert timed == [(0, 0)]
