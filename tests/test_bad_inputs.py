@@ -236,6 +236,10 @@ USAGE = {
     "output is the input by another way": (["sweep", "case.nc", "-o", "./case.nc", "--overwrite"], "is the input"),
     "output is a hard link of the input": (["sweep", "case.nc", "-o", "hard.nc", "--overwrite"], "is the input itself"),
     "an axis above 1e7": ([*SWEEP, "--over", "speed=lin:1:600:10000001 km/h"], "10000001 values exceeds the limit"),
+    "a grid of masses too large to be made": (  # K_H follows from all three of them (eq. 1)
+        [*SWEEP, *over(**{f"{body}_mass": "lin:500:900:20000 kg" for body in ("car_body", "bogie", "wheelset")})],
+        "the result is too large for this disk",
+    ),
     "a grid above the memory or the disk": (
         [*SWEEP, "--psd", *over(speed="lin:1:600:5000 km/h", primary_joint_stiffness="lin:1:9:5000 MN/m")],
         "the result is too large for this disk",

@@ -126,12 +126,13 @@ def sweep(
     from freqrail.result.netcdf import check_target
     from freqrail.solver.solve import processors
     from freqrail.sweep import plausibility
-    from freqrail.sweep.plan import Plan
+    from freqrail.sweep.plan import Plan, planned_layout, stored_bytes
 
     executor = _executor(jobs, dask)
-    plan = Plan.of(load_case(case, settings_by_name, over_by_name), responses, psd)
-    wanted = Path("results", f"{plan.layout.case.name}.nc") if output is None else output
-    target = check_target(wanted, overwrite or dry_run, (case,), 2 * plan.stored_bytes, new_folder=output is None)
+    layout = planned_layout(load_case(case, settings_by_name, over_by_name), responses, psd)
+    wanted = Path("results", f"{layout.case.name}.nc") if output is None else output
+    target = check_target(wanted, overwrite or dry_run, (case,), 2 * stored_bytes(layout), new_folder=output is None)
+    plan = Plan.for_layout(layout)
     if dry_run:
         plausibility.warn(plan.layout.case)
         facts, lines = reports.dry_run(plan, target, jobs or processors(), overwrite)

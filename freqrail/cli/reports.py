@@ -11,7 +11,7 @@ from typing import Any
 from freqrail.cli.terminal import program
 from freqrail.model.band import band_text
 from freqrail.sweep import plausibility
-from freqrail.sweep.plan import Plan
+from freqrail.sweep.plan import Plan, stored_bytes
 from freqrail.sweep.sweep import Outcome
 from freqrail.text import counted, number, shown_bytes
 
@@ -26,11 +26,11 @@ def grid_text(plan: Plan) -> str:
 def dry_run(plan: Plan, target: Path, jobs: int, overwrite: bool) -> Report:
     """What a sweep would compute, its size and time. jobs: threads. overwrite: whether an existing file may go."""
     seconds = plan.seconds(jobs)
-    facts = _facts(plan) | {"output": str(target), "bytes": plan.stored_bytes, "seconds": seconds}
+    facts = _facts(plan) | {"output": str(target), "bytes": stored_bytes(plan.layout), "seconds": seconds}
     lines = [
         f"{counted(plan.points, 'grid point')} ({grid_text(plan)}), both models",
         plausibility.vitals_text(plan.layout.case),
-        f"{target}: {shown_bytes(plan.stored_bytes)}, "
+        f"{target}: {shown_bytes(stored_bytes(plan.layout))}, "
         f"computing about {number(seconds, 2)} s on {counted(jobs, 'thread')}",
         "dry run: nothing computed, nothing written",
     ]

@@ -13,7 +13,7 @@ from freqrail.case.axis import Axis
 from freqrail.case.case import Case
 from freqrail.errors import InputError
 from freqrail.model.band import band_limits
-from freqrail.model.responses import RESPONSES, TWIN
+from freqrail.model.responses import PREFIXES, RESPONSES, TWIN
 from freqrail.result.layout import Layout, response_names, without_joints
 from freqrail.solver import solve
 from freqrail.solver.problem import Problem
@@ -34,8 +34,7 @@ class Plan:
     @classmethod
     def of(cls, case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Plan:
         """The plan of a checked case. Raises InputError for an unknown response."""
-        frequency = (case.frequency or _default_frequency(case)) if psd else None
-        return cls.for_layout(Layout(case, response_names(responses), frequency))
+        return cls.for_layout(planned_layout(case, responses, psd))
 
     @classmethod
     def for_layout(cls, layout: Layout) -> Plan:
@@ -64,25 +63,30 @@ class Plan:
         once = sum(math.prod(problem.shape) for problem in self.problems.values())
         return once * (2 if self.layout.frequency is not None else 1)
 
-    @property
-    def stored_bytes(self) -> int:
-        """Size of the dataset's numbers in bytes."""
-        series = sum(max(1, len(RESPONSES[name].positions)) for name in self.layout.names)
-        lines = self.layout.frequency.si.size if self.layout.frequency is not None else 0
-        values = sum(math.prod(s.shape) * (8 * series * (2 + lines) + 2) for s in self.problems.values())
-        return (
-            values + 6_000 * len(self.layout.names) + 2 * len(self.layout.case.text) + 50_000
-        )  # what HDF5 and attributes take
-
     def seconds(self, jobs: int) -> float:
         """Estimated wall time of the sweep into a file in s, from timing a first block of each model."""
         computing = sum(solve.seconds(problem, jobs) for problem in self.problems.values())
-        return computing + self.stored_bytes / KEPT_A_SECOND
+        return computing + stored_bytes(self.layout) / KEPT_A_SECOND
 
 
-def check_memory(plan: Plan) -> None:
+def planned_layout(case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Layout:
+    """What a sweep of a checked case stores. Raises InputError for an unknown response."""
+    frequency = (case.frequency or _default_frequency(case)) if psd else None
+    return Layout(case, response_names(responses), frequency)
+
+
+def stored_bytes(layout: Layout) -> int:
+    """Size of a result in bytes, told from its axes alone: a grid may be too large to be made."""
+    series = sum(max(1, len(RESPONSES[name].positions)) for name in layout.names)
+    lines = layout.frequency.si.size if layout.frequency is not None else 0
+    points = sum(math.prod(axis.si.size for axis in layout.axes(prefix)) for prefix in PREFIXES)
+    # the last: what HDF5 and attributes take
+    return points * (8 * series * (2 + lines) + 2) + 6_000 * len(layout.names) + 2 * len(layout.case.text) + 50_000
+
+
+def check_memory(layout: Layout) -> None:
     """Raise InputError before anything is allocated that the machine's memory cannot hold."""
-    needed = COPIES * plan.stored_bytes
+    needed = COPIES * stored_bytes(layout)
     memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else math.inf
     if needed > memory:
         raise InputError(

@@ -20,7 +20,7 @@ from freqrail.solver import solve
 from freqrail.sweep import parts, plausibility
 from freqrail.sweep.journal import Journal
 from freqrail.sweep.parts import Part
-from freqrail.sweep.plan import Plan, check_memory
+from freqrail.sweep.plan import Plan, check_memory, planned_layout
 from freqrail.text import given
 from freqrail.types import Progress
 from freqrail.version import __version__
@@ -60,8 +60,9 @@ def sweep(
         case = load_case(case, settings, over)
     elif over or settings:
         raise InputError("over and settings go with the path or name of a case: a Case is checked already")
-    plan = Plan.of(case, responses, psd)
-    check_memory(plan)
+    wanted = planned_layout(case, responses, psd)
+    check_memory(wanted)
+    plan = Plan.for_layout(wanted)
     warned = plausibility.stored(plausibility.warn(case), case)
     return compute(plan, jobs, progress).assign_attrs({"warnings": warned} if warned else {})
 
