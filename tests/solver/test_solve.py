@@ -644,6 +644,20 @@ def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle
         assert not np.isnan(numbers["bogie_acceleration"]).any()
 
 
+def test_a_response_that_lacks_one_position_has_a_method_all_the_same(paper_vehicle, monkeypatch):
+    quadrature = solver_quadrature.mean_squares
+
+    def spoiled(*given):
+        squares = quadrature(*given)
+        squares["primary_stroke"].value[2] = np.nan
+        return squares
+
+    monkeypatch.setattr(solver_quadrature, "mean_squares", spoiled)
+    solution = solve(paper_vehicle, [60.0], names=("primary_stroke",))
+    assert np.isnan(solution.rms["primary_stroke"][:, 0]).tolist() == [False, False, True, False]
+    assert solution.method.tolist() == [the_solution.METHOD.index("own_quadrature")]
+
+
 def test_a_vehicle_that_shared_nodes_serve_badly_anywhere_gets_its_own(paper_vehicle, monkeypatch):
     quadrature = solver_quadrature.mean_squares
 
