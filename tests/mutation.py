@@ -1,8 +1,8 @@
-"""Mutation testing of the numerical modules: `python -m tests.mutation track vehicle`, see mutation.md.
+"""Mutation testing of the numerical modules: `python -m tests.mutation solver.panels solver.solve`, see mutation.md.
 
 Every operator, comparison, number and twin function of a module is changed, one at a time, and the module's own tests
 are run on the changed source: in a fork of this process, which has the libraries loaded and freqrail not. No
-file is touched. A mutant that the tests let pass is printed with its line.
+file is touched. A mutant that the tests let pass is printed with its statement, in the form of mutation.md.
 """
 
 from __future__ import annotations
@@ -18,22 +18,29 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
+MUTATION = Path(__file__).with_suffix(".md")
 SECONDS = 120  # a mutant whose tests take longer counts as killed
 
 TESTS = {
-    "track": ["test_track.py"],
-    "vehicle": ["test_vehicle.py"],
-    "response": ["test_response.py"],
-    "rms": ["test_rms.py"],
-    "residues": ["test_residues.py"],
-    "study": ["test_study.py"],
-    "nodes": ["test_nodes.py"],
-    "grid": ["test_grid.py", "test_nodes.py", "test_properties.py"],
+    "model.spectrum": ["model/test_spectrum.py"],
+    "model.vehicle": ["model/test_vehicle.py"],
+    "model.equations": ["model/test_vehicle.py", "reduction/test_chains.py"],
+    "model.responses": ["reduction/test_chains.py"],
+    "reduction.chains": ["reduction/test_chains.py"],
+    "reduction.chain_columns": ["reduction/test_chains.py"],
+    "solver.quadrature": ["solver/test_quadrature.py"],
+    "solver.partial_fractions": ["solver/test_partial_fractions.py", "solver/test_residues.py"],
+    "solver.residues": ["solver/test_residues.py"],
+    "solver.problem": ["solver/test_problem.py"],
+    "solver.panels": ["solver/test_work.py", "solver/test_panels.py"],
+    "solver.solve": ["solver/test_work.py", "solver/test_solve.py", "solver/test_panels.py", "test_properties.py"],
 }
+"""Modules and the tests that are theirs, the quickest first: the first that fails ends a run."""
 
 OPERATORS: dict[type, type] = {
     ast.Add: ast.Sub,
@@ -60,17 +67,77 @@ PAIRS = (("sin", "cos"), ("maximum", "minimum"), ("max", "min"), ("real", "imag"
 TWINS = {a: b for pair in PAIRS for a, b in (pair, pair[::-1])}
 
 
-def mutants(tree: ast.Module) -> Iterator[tuple[int, str, ast.Module]]:
-    """(line, what was changed, changed module), one change at a time; see `untested` for what is left alone."""
+LONGEST = 200  # characters of a statement; of a longer one its two ends name it
+
+
+@dataclass(frozen=True)
+class Label:
+    """What names a mutant, whatever the lines of its source and their breaks.
+
+    definition: the functions and classes around it, "f.g", "module" if none. statement: the innermost one, as
+    `ast.unparse` writes it; of a compound one its head. what: the change, with a number from the second of its kind on.
+    """
+
+    definition: str
+    statement: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: `{self.definition}`: `{self.statement}`"
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change to a tree."""
+
+    tree: ast.Module
+    place: int  # of the node among those that `ast.walk` meets
+    line: int
+    label: Label
+    change: Callable[[ast.AST], object]
+
+    def changed(self) -> ast.Module:
+        """The tree with the change made."""
+        tree = copy.deepcopy(self.tree)
+        self.change(next(node for k, node in enumerate(ast.walk(tree)) if k == self.place))
+        return ast.fix_missing_locations(tree)
+
+
+def mutants(tree: ast.Module) -> Iterator[Mutant]:
+    """Every change of one node; see `untested` for what is left alone."""
     skipped = {id(part) for node in ast.walk(tree) for part in untested(node)}
+    homes = {id(node): (name, statement) for name, statement, node in nodes(tree)}
+    seen: Counter[Label] = Counter()
     for place, node in enumerate(ast.walk(tree)):
         if id(node) in skipped:
             continue
         for what, change in changes(node):
-            changed = copy.deepcopy(tree)
-            twin = next(n for k, n in enumerate(ast.walk(changed)) if k == place)
-            change(twin)
-            yield node.lineno, what, ast.fix_missing_locations(changed)
+            label = Label(*homes[id(node)], what)
+            seen[label] += 1
+            if seen[label] > 1:
+                label = Label(label.definition, label.statement, f"{what}, no. {seen[label]}")
+            yield Mutant(tree, place, node.lineno, label, change)
+
+
+def nodes(node: ast.AST, name: str = "", statement: str = "") -> Iterator[tuple[str, str, ast.AST]]:
+    """(definition, statement, node) of every node in a tree."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        name = f"{name}.{node.name}".lstrip(".")
+    if isinstance(node, ast.stmt):
+        statement = head(node)
+    yield name or "module", statement, node
+    for child in ast.iter_child_nodes(node):
+        yield from nodes(child, name, statement)
+
+
+def head(statement: ast.stmt) -> str:
+    """A statement on one line, without the statements inside it."""
+    alone = copy.copy(statement)
+    for key in ("body", "orelse", "handlers", "finalbody", "cases", "decorator_list"):
+        if hasattr(alone, key):
+            setattr(alone, key, [])
+    text = " ".join(ast.unparse(alone).split())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 60]} ... {text[-50:]}"
 
 
 def untested(node: ast.AST) -> Iterator[ast.AST]:
@@ -86,10 +153,10 @@ def untested(node: ast.AST) -> Iterator[ast.AST]:
         yield from ast.walk(node.value)
 
 
-def changes(node: ast.AST) -> Iterator[tuple[str, object]]:
+def changes(node: ast.AST) -> Iterator[tuple[str, Callable[[ast.AST], object]]]:
     """(what, function that does it to the node) of every change to one node."""
 
-    def setting(key: str, value: object) -> object:
+    def setting(key: str, value: object) -> Callable[[ast.AST], object]:
         return lambda twin: setattr(twin, key, value)
 
     def name(operator: object) -> str:
@@ -133,8 +200,8 @@ class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         exec(compile(self.tree, module.__spec__.origin, "exec"), module.__dict__)
 
 
-def survives(module: str, tree: ast.Module, tests: list[str]) -> bool:
-    """Whether the tests pass with the module's source replaced by `tree`; in a fork."""
+def killed_by(module: str, tree: ast.Module, tests: list[str]) -> str:
+    """What the tests make of the module's source replaced by `tree`: "tests", "time", "" if they pass; in a fork."""
     child = os.fork()
     if not child:
         signal.alarm(SECONDS)
@@ -149,7 +216,10 @@ def survives(module: str, tree: ast.Module, tests: list[str]) -> bool:
         sys.meta_path.insert(0, Changed(f"freqrail.{module}", tree))
         paths = [str(ROOT / "tests" / test) for test in tests]
         os._exit(min(1, int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--no-header", *paths]))))
-    return os.waitpid(child, 0)[1] == 0
+    status = os.waitpid(child, 0)[1]
+    if status == 0:
+        return ""
+    return "time" if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM else "tests"
 
 
 def main() -> int:
@@ -159,48 +229,43 @@ def main() -> int:
     parser.add_argument("--again", metavar="FILE", help="only what survived in a former run, whose output FILE holds")
     asked = parser.parse_args()
     first, last = map(int, asked.lines.split(":"))
-    again = former(Path(asked.again).read_text(encoding="utf-8")) if asked.again else None
+    former = Path(asked.again).read_text(encoding="utf-8") if asked.again else None
     os.chdir(ROOT)
     for library in ("numpy", "scipy.linalg", "scipy.integrate", "xarray", "hypothesis", "pint", "pydantic", "pytest"):
         importlib.import_module(library)
     unexpected = 0
     for module in asked.modules:
-        source = (ROOT / "freqrail" / f"{module}.py").read_text(encoding="utf-8")
-        lines, tree, tests = source.splitlines(), ast.parse(source), TESTS[module]
-        known = explained(module)
-        if not survives(module, tree, tests):
+        tree, tests = parsed(module), TESTS[module]
+        again = None if former is None else set(explained(former, module))
+        known = set(explained(MUTATION.read_text(encoding="utf-8"), module))
+        if killed_by(module, tree, tests):
             raise SystemExit(f"{module}: the tests do not pass on the module as it is")
-        start, count, alive = time.perf_counter(), 0, 0
-        twice: Counter[tuple[int, str]] = Counter()
-        for line, what, changed in mutants(tree):
-            twice[line, what] += 1
-            if twice[line, what] > 1:  # the same change at another place of the line
-                what = f"{what}, no. {twice[line, what]}"
-            text = lines[line - 1].strip()
-            if not first <= line <= last or (again is not None and (what.split(", no. ")[0], text) not in again):
+        start, count, alive, late = time.perf_counter(), 0, 0, 0
+        for mutant in mutants(tree):
+            if not first <= mutant.line <= last or (again is not None and mutant.label not in again):
                 continue
             count += 1
-            if survives(module, changed, tests):
+            killer = killed_by(module, mutant.changed(), tests)
+            late += killer == "time"
+            if not killer:
                 alive += 1
-                new = not {what, "any"} & known.get(text, set())
+                new = mutant.label not in known
                 unexpected += new
-                print(f"{module}:{line}: {what}: {text}{'' if new else '  (explained)'}", flush=True)
-        print(f"{module}: {count} mutants, {alive} survive; {time.perf_counter() - start:.0f} s", flush=True)
+                print(f"- {module}: {mutant.label}{'' if new else ': explained'} (line {mutant.line})", flush=True)
+        took = time.perf_counter() - start
+        print(f"{module}: {count} mutants, {alive} survive, {late} took too long; {took:.0f} s", flush=True)
     return 1 if unexpected else 0
 
 
-def former(output: str) -> set[tuple[str, str]]:
-    """(change, line of source) of what an earlier run printed."""
-    return set(re.findall(r"^\w+:\d+: (.+?)(?:, no\. \d+)?: (.+?)(?:  \(explained\))?$", output, re.MULTILINE))
+def parsed(module: str) -> ast.Module:
+    """The source of a module such as "solver.panels"."""
+    return ast.parse((ROOT / "freqrail" / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))
 
 
-def explained(module: str) -> dict[str, set[str]]:
-    """Changes by line of source that mutation.md explains: `- MODULE: CHANGE | CHANGE: `SOURCE`: why`, or "any"."""
-    text = (Path(__file__).parent / "mutation.md").read_text(encoding="utf-8")
-    known: dict[str, set[str]] = {}
-    for listed, source in re.findall(rf"^- {module}: (.+?): `(.+?)`", text, re.MULTILINE):
-        known.setdefault(source, set()).update(listed.split(" | "))
-    return known
+def explained(text: str, module: str) -> list[Label]:
+    """The mutants of a module that lines of a text name: "- MODULE: CHANGE | CHANGE: `DEFINITION`: `STATEMENT`"."""
+    listed = re.findall(rf"^- {re.escape(module)}: (.+?): `(.+?)`: `(.+?)`", text, re.MULTILINE)
+    return [Label(name, statement, what) for whats, name, statement in listed for what in whats.split(" | ")]
 
 
 if __name__ == "__main__":
