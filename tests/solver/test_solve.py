@@ -732,6 +732,17 @@ def test_fields_broadcast_as_arrays_do(paper_vehicle):
     assert identical(solve(short, [60.0]), solve(full, [60.0]))
 
 
+def test_a_spectrum_is_repeated_along_axes_that_its_response_does_not_feel(paper_vehicle):
+    """The car body does not feel the bogies' pitch."""
+    many = replace(paper_vehicle, bogie_pitch_inertia=np.linspace(600, 900, 4))
+    names, frequency = ("car_body_acceleration", "primary_stroke"), np.array([1.0, 5.0])
+    found = solver_solve.psd(Problem(many, np.array([60.0]), TRACK, PAPER_BAND, names), frequency)
+    for index in np.ndindex(many.shape):
+        alone = solver_solve.psd(Problem(many.at(index), np.array([60.0]), TRACK, PAPER_BAND, names), frequency)
+        for name in names:
+            np.testing.assert_allclose(found[name][:, *index], alone[name], rtol=1e-12)
+
+
 def test_every_field_of_a_vehicle_may_be_an_array(paper_vehicle):
     """`shape` and `at` treat all fields alike."""
     for field in fields(Vehicle):

@@ -301,6 +301,26 @@ def test_a_rule_of_ten_million_nodes_times_speeds_is_not_begun(paper_vehicle, mo
         assert len(placed) == begun
 
 
+def test_a_response_whose_rounding_is_above_the_tolerance_is_not_tried(paper_vehicle, monkeypatch):
+    """1e-6 of an RMS, twice that of its square; of several speeds one is enough to try."""
+    tried: list[tuple[str, ...]] = []
+    squares = quadrature.mean_squares
+    monkeypatch.setattr(
+        quadrature,
+        "mean_squares",
+        lambda vehicle, names, *given: tried.append(names) or squares(vehicle, names, *given),
+    )
+    names = ("bogie_acceleration", "primary_stroke")
+    just = 2e-6
+    above = np.nextafter(just, 1.0)
+    for rounding, expected in (([just, 1.0], [names]), ([above, 1.0], [names[:1]])):
+        tried.clear()
+        errors = {names[0]: np.full(2, 1e-12), names[1]: np.array(rounding)}
+        monkeypatch.setattr(solve, "rounding_errors", lambda of, found, errors=errors: errors)
+        solve._own_quadrature(study(paper_vehicle, (30.0, 60.0), FREQUENCY, names), ())
+        assert tried == expected
+
+
 def test_500_nodes_of_a_vehicle_are_taken_at_once(paper_vehicle, work):
     """Of 91 panels 910 nodes of the embedded rule in 2 parts, with two products each, and 1001 others in 3."""
     names = ("car_body_acceleration",)
