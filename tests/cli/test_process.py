@@ -136,7 +136,8 @@ def test_too_little_memory_to_start_is_told_at_once(megabytes, here):
 
 def test_memory_that_runs_out_is_one_line_and_what_was_there_stays(here):
     Path("old.nc").write_bytes(b"old")
-    axes = ["--over", "bogie_mass=lin:600:700:10000000 kg", "--over", "speed=250 km/h"]
+    one = [part for joint in ("primary", "secondary") for part in ("--over", f"{joint}_joint_stiffness=5 MN/m")]
+    axes = ["--over", "bogie_mass=lin:600:700:10000000 kg", "--over", "speed=250 km/h", *one]
     done = command("sweep", "yu-damper-joint", *axes, "-o", "old.nc", "--overwrite", preexec_fn=limited(700))
     one_line(done, 4, "out of memory: the address space is limited to 700 MB")
     assert Path("old.nc").read_bytes() == b"old"

@@ -114,7 +114,14 @@ def test_a_killed_sweep_leaves_the_old_file_or_the_new_one_and_resumes_to_the_sa
     takes = time.perf_counter() - start
     assert same(here / "o.nc", expected)
     times, outcomes = random.Random(7), {"old": 0, "new": 0, "resumed": 0}
-    for _ in range(KILLS):
+
+    def seen() -> bool:
+        """Whether enough kills came before the file was replaced, and enough of these after a block was finished."""
+        return outcomes["old"] > KILLS / 3 and outcomes["resumed"] > KILLS / 6
+
+    for kill in range(4 * KILLS):
+        if kill >= KILLS and seen():  # on a machine under load the moments of the first KILLS may all be too early
+            break
         for path in here.iterdir():
             path.unlink()
         netcdf.write_result(old, here / "o.nc")
@@ -131,8 +138,7 @@ def test_a_killed_sweep_leaves_the_old_file_or_the_new_one_and_resumes_to_the_sa
         assert same(here / "o.nc", expected)
         outcomes["resumed"] += " 0 blocks taken over" not in (here / "out.txt").read_text()
         assert sorted(path.name for path in here.iterdir()) == ["err.txt", "o.nc", "out.txt"]
-    assert outcomes["old"] > KILLS / 3
-    assert outcomes["resumed"] > KILLS / 6
+    assert seen(), outcomes
 
 
 @pytest.mark.parametrize(
