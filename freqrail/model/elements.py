@@ -71,6 +71,10 @@ class Law:
         """
         raise NotImplementedError
 
+    def damps(self, values: Values) -> NDArray[np.bool_]:
+        """Whether it takes energy, for each vehicle."""
+        return np.asarray(False)
+
     def polynomials(self, values: Values) -> tuple[Polynomial, Polynomial]:
         """Numerator and denominator of D as coefficients of 1, s, s^2, ...; only for rational laws."""
         raise NotImplementedError
@@ -143,6 +147,9 @@ class Dashpot(_Power):
     def loss(self, values: Values, s: Number) -> tuple[Number, Number]:
         return values[self.name], 0.0
 
+    def damps(self, values: Values) -> NDArray[np.bool_]:
+        return np.not_equal(values[self.name], 0)
+
 
 class Inerter(_Power):
     """D = b s^2: a force in proportion to the relative acceleration of its ends."""
@@ -191,6 +198,9 @@ class Bending(Law):
     def loss(self, values: Values, s: Number) -> tuple[Number, Number]:
         return self._numbers(values)[1], 0.0
 
+    def damps(self, values: Values) -> NDArray[np.bool_]:
+        return np.not_equal(self._numbers(values)[1], 0)
+
     def polynomials(self, values: Values) -> tuple[Polynomial, Polynomial]:
         return list(self._numbers(values)), [1.0]
 
@@ -202,6 +212,9 @@ class _Irrational(Law):
 
     def quotient(self, values: Values, s: Number) -> tuple[Number, Number]:
         return self.stiffness(values, s), 1.0
+
+    def damps(self, values: Values) -> NDArray[np.bool_]:
+        return np.asarray(True)
 
 
 @dataclass(frozen=True)
@@ -303,6 +316,9 @@ class Parallel(_Compound):
 
     parts: tuple[Law, ...]
 
+    def damps(self, values: Values) -> NDArray[np.bool_]:
+        return functools.reduce(np.logical_or, [part.damps(values) for part in self.parts])
+
     def quotient(self, values: Values, s: Number) -> tuple[Number, Number]:
         springs = sum(np.asarray(values[part.name]) for part in self.parts if isinstance(part, Spring))
         rigid = np.isinf(springs)  # whatever is beside it
@@ -344,6 +360,12 @@ class Series(_Compound):
     """Parts with one force, whose elongations add: 1/D = sum of 1/D_i."""
 
     parts: tuple[Law, ...]
+
+    def damps(self, values: Values) -> NDArray[np.bool_]:
+        some = functools.reduce(np.logical_or, [part.damps(values) for part in self.parts])
+        # without force in one of them, there is none in any
+        held = [np.not_equal(part.quotient(values, 1j)[0], 0) for part in self.parts]
+        return np.asarray(functools.reduce(np.logical_and, held, some))
 
     def _others(self, values: Values, s: Number) -> tuple[list[Number], Number, Number]:
         """d_i times the other parts' n, their sum, and the product of all n."""

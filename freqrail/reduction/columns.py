@@ -12,7 +12,7 @@ its own mirror image has real and imaginary U's only) are left out, and what is 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,20 @@ class Reduction:
     sums: dict[str, tuple[tuple[tuple[int, Vector], ...], ...]]
     lags: tuple[Lag, ...]
     columns: dict[str, tuple[Column, ...]]
+
+    def only(self, names: tuple[str, ...]) -> Reduction:
+        """The reduction for some of its outputs; scalars that only others need are still told, but belong to none."""
+        some = tuple(output for output in self.outputs if output.name in names)
+        return replace(
+            self,
+            outputs=some,
+            sums={output.name: self.sums[output.name] for output in some},
+            columns={output.name: self.columns[output.name] for output in some},
+        )
+
+    def blocks_in(self, name: str) -> tuple[int, ...]:
+        """Indices of the blocks that an output is read off: what happens in another is nothing to it."""
+        return tuple(sorted({self.scalars[k].block for label in self.sums[name] for k, _ in label}))
 
     def places(self, values: Values) -> Vector:
         """Of the wheels along the vehicle, m, [wheels]; every length of theirs one number."""

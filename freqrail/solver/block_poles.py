@@ -28,6 +28,7 @@ Complex = NDArray[np.complex128]
 
 SPREAD = 1e-8  # smallest eigenvalue over the largest below which the slow ones are computed apart
 UNSURE = 5e-4  # relative error of a pole above which it is lost
+SURE = 0.1  # relative error of a light pole's real part up to which it counts as known
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,9 @@ class Expansion:
     one, 0 where a vehicle has fewer than k; then pole and residues mean nothing. residues: {scalar: [grid..., k]}.
     rounding: {scalar: [grid..., k]}, their possible errors, the real part's of a light pole included. defect: [grid...,
     k], the slope z^T K' z over the sizes of its terms, 0 where two poles have become one. light: [grid..., k], lightly
-    damped. shift: [grid..., k], possible relative errors of the poles. lost: [grid...], a pole that no polishing found,
-    or that a vehicle cannot have. states: number of states, as many as poles with their conjugates for any vehicle.
+    damped. shift: [grid..., k], possible relative errors of the poles. lost: [grid..., k], one that no polishing found, that
+    a vehicle cannot have, or whose real part rounding leaves open. states: number of states, as many as poles with their conjugates for any vehicle.
+    raw: [grid..., states] rad/s, all eigenvalues as computed, those of missing states at -2 `FAR`.
     """
 
     poles: Complex
@@ -53,6 +55,7 @@ class Expansion:
     shift: Array
     lost: NDArray[np.bool_]
     states: int
+    raw: Complex
 
     def fractions(self, which: Sequence[int], s: Complex) -> tuple[Complex, Array]:
         """B of some scalars at s [grid..., n], and what rounding may leave of them: [grid..., scalars, n]."""
@@ -229,7 +232,7 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     peak = np.where(light, real_part_error, 0.0)
     p = np.where(light, real_part + 1j * p.imag, p)
     shift = (np.abs(found.step) + found.shift) / np.abs(p)
-    lost = ~((shift < UNSURE) & (p.real < 0))
+    lost = ~((shift < UNSURE) & (p.real <= 0) & (peak < SURE))
     residues, rounding, constants = {}, {}, {}
     for k, scalar in some.items():
         if scalar.quantity == "displacement":
@@ -253,6 +256,7 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
         (np.abs(found.slope) / found.size).reshape(grid),
         light.reshape(grid),
         shift.reshape(grid),
-        np.any(lost.reshape(grid) & (weight > 0), axis=-1),
+        lost.reshape(grid) & (weight > 0),
         raw.shape[-1],
+        raw,
     )

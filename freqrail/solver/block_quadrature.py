@@ -9,14 +9,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
+from freqrail.model.spectrum import Spectrum, angular_psd
 from freqrail.reduction.columns import Column, Reduction
 from freqrail.solver.block_response import Number, Scalars, column, scalars, unsound
-from freqrail.solver.quadrature import CAUTION, ROUNDING, SPEEDS, TILE, MeanSquare, WeightedNodes
+from freqrail.solver.quadrature import (
+    CAUTION,
+    ROUNDING,
+    SPEEDS,
+    TILE,
+    MeanSquare,
+    WeightedNodes,
+    quadrature,
+)
+
+TAIL = 40  # halvings of u = cutoff/omega on the way from 1 to 0
 
 Array = NDArray[np.float64]
 
@@ -79,9 +91,35 @@ def mean_squares(
                     difference[label] += abs(weight) * apart
         own = rounding_errors[output.name] if isinstance(rounding_errors, Mapping) else rounding_errors
         with np.errstate(invalid="ignore", divide="ignore"):
-            steep = CAUTION * (difference / np.abs(value))
+            steep = CAUTION * np.where(difference > 0, difference / np.abs(value), difference)
         result[output.name] = MeanSquare(value, np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + own))
     return result
+
+
+def truncation_bound(
+    reduction: Reduction, values: Values, spectrum: Spectrum, speed: Array, cutoff: float
+) -> dict[str, Array]:
+    """Upper bound of the mean squares beyond `cutoff` [rad/s], whatever the lags.
+
+    Returns {output: [labels, grid..., speeds]}. From |sum of n X_i U_i|^2 <= n sum of |X_i|^2 (sum of |W_iw|)^2,
+    integrated over u = cutoff/omega on panels each half as long as the one before, because what is overdamped may bend
+    the responses far beyond the last resonance.
+    """
+    rule = quadrature(np.append(0.0, np.exp2(np.arange(-TAIL, 1))))
+    omega = cutoff / rule.omega
+    density = angular_psd(spectrum, omega[:, None], speed) * (rule.weights * omega / rule.omega)[:, None]
+    columns = {name: _diagonal(labels) for name, labels in reduction.sums.items()}
+    nodes = [WeightedNodes(omega, density[None], None)]
+    return {k: m.value for k, m in mean_squares(replace(reduction, columns=columns), values, nodes).items()}
+
+
+def _diagonal(labels: tuple[tuple[tuple[int, Array], ...], ...]) -> tuple[Column, ...]:
+    """n |X_i|^2 (sum of |W_iw|)^2 of every label's sum as columns of one lag function."""
+    weights: dict[int, Array] = {}
+    for place, terms in enumerate(labels):
+        for i, wheels in terms:
+            weights.setdefault(i, np.zeros(len(labels)))[place] += len(terms) * np.sum(np.abs(wheels)) ** 2
+    return tuple(Column(((i, i, "re", 1.0),), 0, each) for i, each in weights.items())
 
 
 class Products:

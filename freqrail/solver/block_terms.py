@@ -117,7 +117,7 @@ def read_blocks(reduction: Reduction, values: Values) -> dict[int, ReadBlock]:
             beyond = np.maximum(0.0, missing - known - LOSS / SAFETY * np.abs(direct[k]))
             own = np.where(each.light, each.rounding[k], SAFETY * each.shift * np.abs(residue))
             error = SAFETY * 2 * np.abs(p) * np.where(each.light, beyond, missing) + own
-            errors[k] = np.where(each.lost[..., None], np.inf, error)
+            errors[k] = np.where(np.any(each.lost, axis=-1, keepdims=True), np.inf, error)
         factors, mirrored = (
             [multiplier(x, reduction.blocks[x.block], spread_values, s) for x in reduction.scalars] for s in (p, -p)
         )

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum, kinks, singular_points
-from freqrail.model.vehicle import Vehicle
+from freqrail.model.system import evaluate
 from freqrail.solver import quadrature
-from freqrail.solver.partial_fractions import EPSILON, Resonances, chain_poles, resonances
-from freqrail.solver.problem import Problem, cut
+from freqrail.solver.problem import Problem
+from freqrail.solver.quadrature import EPSILON
+from freqrail.solver.resonances import Resonances, every_pole, resonances
 
 SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
 SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
@@ -53,29 +53,15 @@ def shared_panels(study: Problem) -> tuple[SharedPanels, ...]:
     """Nodes for the whole grid, group by group of its speeds; none where the closed form needs none."""
     if in_closed_form(study):
         return ()
-    sample = replace(study, vehicle=_sample(study.vehicle))
-    found = {chain: _sampled(sample.vehicle, chain) for chain in study.chains}
-    all_known = math.prod(sample.vehicle.shape) == math.prod(study.vehicle.shape)
+    sample = study.cut(_sample(study.vehicles))
+    found = resonances(sample.reduction, sample.values, sample=True)
+    all_known = math.prod(sample.vehicles) == math.prod(study.vehicles)
     groups = speed_groups(sample, every_pole(found))
     return tuple(_shared(sample, group, found, all_known) for group in groups)
 
 
-def _sampled(vehicle: Vehicle, chain: str) -> Resonances:
-    """The resonances [n] of a chain of all vehicles of a grid; not known if eigenvalues cannot tell a peak's width."""
-    poles = chain_poles(vehicle, chain)
-    found = resonances(vehicle, chain, poles)
-    here = np.isfinite(poles)
-    errors = {name: error[here] for name, error in found.errors.items()}
-    return Resonances(poles[here], found.known[here], found.shift[here], errors)
-
-
-def every_pole(found: Mapping[str, Resonances]) -> NDArray[np.complex128]:
-    """The poles of all chains, rad/s."""
-    return np.concatenate([each.poles for each in found.values()])
-
-
-def rounding_errors(study: Problem, found: Mapping[str, Resonances]) -> dict[str, NDArray[np.float64]]:
-    """What rounding leaves of each response [speeds], by the resonances of the chains that take part in it.
+def rounding_errors(study: Problem, found: Mapping[int, Resonances]) -> dict[str, NDArray[np.float64]]:
+    """What rounding leaves of each output [speeds], by the resonances of the blocks that it is read off.
 
     inf where a resonance inside the band may have been missed. The lags' phases are known to the rounding of the
     highest frequency times the longest lag.
@@ -84,17 +70,20 @@ def rounding_errors(study: Problem, found: Mapping[str, Resonances]) -> dict[str
     phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * _longest_lags(study)
     result = {}
     for name in study.names:
-        chains = [found[chain] for chain in RESPONSES[name].chains]
-        shift = np.concatenate([each.shift for each in chains])
-        errors = np.concatenate([each.errors.get(RESPONSES[name].element, each.shift) for each in chains])
-        among = every_pole({str(k): each for k, each in enumerate(chains)})
-        result[name] = quadrature.rounding(among, study.limits, shift, errors) + phase
-        if not all(each.known.all() for each in chains):
+        blocks = [found[index] for index in study.reduction.blocks_in(name)]
+        scalars = {k for label in study.reduction.sums[name] for k, _ in label}
+        poles = np.concatenate([each.poles for each in blocks])
+        shift = np.concatenate([each.shift for each in blocks])
+        errors = np.concatenate(
+            [np.max([error for k, error in each.errors.items() if k in scalars], axis=0) for each in blocks]
+        )
+        result[name] = quadrature.rounding(poles, study.limits, shift, errors) + phase
+        if not all(each.known.all() for each in blocks):
             result[name] = np.full_like(result[name], np.inf)
     return result
 
 
-def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[str, Resonances], all_known: bool) -> SharedPanels:
+def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[int, Resonances], all_known: bool) -> SharedPanels:
     """Nodes for some of the speeds. all_known: the resonances are those of every vehicle of the grid."""
     resonances = every_pole(found)
     study = replace(study, speed=study.speed[speeds])
@@ -107,7 +96,7 @@ def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[str, Resona
         return SharedPanels(speeds, None, {})
     if np.any(inside & ~np.concatenate([each.known for each in found.values()])):
         return SharedPanels(speeds, None, {})
-    outside_too = {chain: replace(each, known=np.full(each.poles.shape, True)) for chain, each in found.items()}
+    outside_too = {index: replace(each, known=np.full(each.poles.shape, True)) for index, each in found.items()}
     rounding = rounding_errors(study, outside_too)
     most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
     if quadrature.fewest_nodes(first, lag) > most:
@@ -137,12 +126,11 @@ def speed_groups(study: Problem, resonances: NDArray[np.complex128]) -> list[NDA
     return groups
 
 
-def own_edges(study: Problem, vehicle: Vehicle, resonances: NDArray[np.complex128]) -> NDArray[np.float64] | None:
-    """Panel edges, rad/s, for one vehicle and all speeds of a study, closer than shared ones; None if too many.
+def own_edges(study: Problem, resonances: NDArray[np.complex128]) -> NDArray[np.float64] | None:
+    """Panel edges, rad/s, for one vehicle and all speeds, closer than shared ones; None if too many.
 
     resonances: the vehicle's poles, rad/s.
     """
-    study = replace(study, vehicle=vehicle)
     if not np.isfinite(resonances).all():
         return None
     first, lag = first_edges(study, resonances), _longest_lag(study)
@@ -173,14 +161,13 @@ def _longest_lag(study: Problem) -> float:
 
 def _longest_lags(study: Problem) -> NDArray[np.float64]:
     """The same at every speed, [speeds]."""
-    vehicle = study.vehicle
-    return float(np.max(vehicle.half_bogie_spacing + vehicle.half_wheelbase)) * 2 / study.speed
+    wheels = study.reduction.system.wheels
+    places = np.broadcast_arrays(*(np.asarray(evaluate(wheel.place, study.values)) for wheel in wheels))
+    return float(np.max(np.max(places, axis=0) - np.min(places, axis=0))) / study.speed
 
 
-def _sample(vehicle: Vehicle) -> Vehicle:
-    """At most about SAMPLES vehicles of the grid, evenly over every axis, its two ends among them."""
-    varying = sum(n > 1 for n in vehicle.shape)
+def _sample(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], ...]:
+    """At most about SAMPLES vehicles of a grid, evenly over every axis, its two ends among them."""
+    varying = sum(n > 1 for n in shape)
     limit = max(2, int(SAMPLES ** (1 / varying))) if varying else 1
-    return cut(
-        vehicle, tuple(np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in vehicle.shape)
-    )
+    return tuple(np.unique(np.linspace(0, n - 1, min(n, limit)).round().astype(int)) for n in shape)

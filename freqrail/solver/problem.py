@@ -4,46 +4,56 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.band import Band, band_limits
-from freqrail.model.responses import chains_of
+from freqrail.model.elements import Values
+from freqrail.model.half_vehicle import half_vehicle, outputs
+from freqrail.model.outputs import Output
 from freqrail.model.spectrum import Spectrum, kinks
+from freqrail.model.system import System, coefficients
 from freqrail.model.vehicle import Vehicle
+from freqrail.reduction.columns import Reduction, reduce
 
 
 @dataclass(frozen=True)
 class Problem:
     """A grid of vehicles, speeds and the track below them, numbers only.
 
-    vehicle: fields are floats or arrays that broadcast to the grid of vehicles. speed: [m] in m/s.
-    band None: the whole axis. names: keys of `model.responses`.
+    reduction: of the vehicle, for every vehicle of the grid that this one is or is a part of. values: by parameter,
+    floats or arrays that broadcast to the grid of vehicles. speed: [m] in m/s. band None: the whole axis.
     """
 
-    vehicle: Vehicle
+    reduction: Reduction
+    values: Values
     speed: NDArray[np.float64]
     spectrum: Spectrum
     band: Band | None
-    names: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the outputs."""
+        return tuple(output.name for output in self.reduction.outputs)
+
+    @property
+    def vehicles(self) -> tuple[int, ...]:
+        """Shape of the grid of vehicles; () for a single one."""
+        return np.broadcast_shapes(*(np.shape(v) for v in self.values.values()))
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape [grid..., speeds]."""
-        return (*self.vehicle.shape, self.speed.size)
+        return (*self.vehicles, self.speed.size)
 
     @property
     def points(self) -> int:
         """Number of grid points."""
         return math.prod(self.shape)
-
-    @property
-    def chains(self) -> tuple[str, ...]:
-        """The chains that its responses take part in: what happens in another is nothing to them."""
-        return chains_of(self.names)
 
     @property
     def limits(self) -> NDArray[np.float64]:
@@ -55,6 +65,51 @@ class Problem:
         if points.size:
             low, high = np.maximum(low, points[0]), np.minimum(high, points[-1])
         return np.array([low, np.maximum(low, high)])
+
+    def cut(self, cell: tuple[slice | NDArray[np.intp], ...]) -> Problem:
+        """The vehicles inside `cell`; a value stays whole along axes where it has length 1."""
+
+        def part(value: Any) -> Any:
+            array = np.asarray(value)
+            if array.ndim == 0:
+                return value
+            array = array.reshape((1,) * (len(cell) - array.ndim) + array.shape)
+            for axis, some in enumerate(cell):
+                if array.shape[axis] > 1:
+                    array = array[(slice(None),) * axis + (some,)]
+            return array
+
+        return replace(self, values={name: part(value) for name, value in self.values.items()})
+
+    def at(self, index: tuple[int, ...]) -> Problem:
+        """The single vehicle at an index of the grid, its values floats."""
+        shape = self.vehicles
+        return replace(self, values={k: float(np.broadcast_to(v, shape)[index]) for k, v in self.values.items()})
+
+    def only(self, names: tuple[str, ...]) -> Problem:
+        """Some of the outputs."""
+        return replace(self, reduction=self.reduction.only(names))
+
+
+def problem_of(
+    system: System,
+    outputs: tuple[Output, ...],
+    values: Values,
+    speed: NDArray[np.float64],
+    spectrum: Spectrum,
+    band: Band | None,
+) -> Problem:
+    """The problem of any vehicle. Raises ValueError for an output that reads what there is not."""
+    own: Mapping[str, Any] = {name: values[name] for name in system.parameters}
+    return Problem(reduce(system, outputs, own), own, speed, spectrum, band)
+
+
+def half_vehicle_problem(
+    vehicle: Vehicle, speed: NDArray[np.float64], spectrum: Spectrum, band: Band | None, names: tuple[str, ...]
+) -> Problem:
+    """The problem of the paper's half vehicle; names: of its responses."""
+    known = {output.name: output for output in outputs()}
+    return problem_of(half_vehicle(), tuple(known[name] for name in names), vars(vehicle), speed, spectrum, band)
 
 
 def cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
@@ -74,14 +129,14 @@ def cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:
     ]
 
 
-def cells_by_geometry(vehicle: Vehicle, most: int) -> Iterator[tuple[tuple[int, ...], list[tuple[slice, ...]]]]:
+def cells_by_geometry(problem: Problem, most: int) -> Iterator[tuple[tuple[int, ...], list[tuple[slice, ...]]]]:
     """The grid cut into blocks: (index of a vehicle with the geometry, its blocks), geometry by geometry.
 
-    A block holds at most `most` vehicles of one L_c and L_t, because the lags are common to it; it is never cut
+    A block holds at most `most` vehicles whose wheels stand alike, because the lags are common to it; it is never cut
     along speed, so that the matrix product of every row is the same whatever the cut.
     """
-    shape = vehicle.shape
-    fixed = [_geometry_varies(vehicle, axis) for axis in range(len(shape))]
+    shape = problem.vehicles
+    fixed = [_geometry_varies(problem, axis) for axis in range(len(shape))]
     inside = cells(tuple(1 if f else n for n, f in zip(shape, fixed, strict=True)), most)
     for geometry in np.ndindex(*(n if f else 1 for n, f in zip(shape, fixed, strict=True))):
         yield (
@@ -93,24 +148,9 @@ def cells_by_geometry(vehicle: Vehicle, most: int) -> Iterator[tuple[tuple[int, 
         )
 
 
-def _geometry_varies(vehicle: Vehicle, axis: int) -> bool:
-    """Whether the lags' geometry changes along a grid axis."""
-    behind = len(vehicle.shape) - axis
-    shapes = (np.shape(vehicle.half_bogie_spacing), np.shape(vehicle.half_wheelbase))
+def _geometry_varies(problem: Problem, axis: int) -> bool:
+    """Whether the wheels' places change along a grid axis."""
+    behind = len(problem.vehicles) - axis
+    names = {name for wheel in problem.reduction.system.wheels for name in coefficients(wheel.place) if name}
+    shapes = (np.shape(problem.values[name]) for name in names)
     return any(len(shape) >= behind and shape[-behind] > 1 for shape in shapes)
-
-
-def cut(vehicle: Vehicle, cell: tuple[slice | NDArray[np.intp], ...]) -> Vehicle:
-    """The part of a grid of vehicles inside `cell`; a field stays whole along axes where it has length 1."""
-
-    def part(field: object) -> object:
-        array = np.asarray(field)
-        if array.ndim == 0:
-            return field
-        array = array.reshape((1,) * (len(cell) - array.ndim) + array.shape)
-        for axis, some in enumerate(cell):
-            if array.shape[axis] > 1:
-                array = array[(slice(None),) * axis + (some,)]
-        return array
-
-    return vehicle.map(part)

@@ -1,8 +1,4 @@
-"""Mean squares of the responses over a frequency band, by quadrature that follows the resonances.
-
-sigma^2 = integral of |T|^2 G d omega over the band, with |T|^2 a sum of seven lag columns
-(`freqrail.reduction.chain_columns`): the powers of a vehicle serve every speed, and the whole speed axis is a
-matrix product over the quadrature nodes.
+"""Quadrature over a frequency band that follows the resonances: panels, rule, and what rounding leaves.
 
 The nodes are Gauss-Kronrod panels whose lengths follow the poles of the vehicles at hand and the
 fastest wheel lag, so that no peak is stepped over, however narrow; the embedded Gauss rule gives
@@ -12,18 +8,10 @@ every value an error estimate.
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from freqrail.model.responses import RESPONSES
-from freqrail.model.spectrum import Spectrum, angular_psd
-from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chain_columns import column_powers, column_signs, lag_columns, top_products
-from freqrail.reduction.chains import chain_responses
 
 # Gauss-Kronrod pair with 10 and 21 nodes on [-1, 1] (QUADPACK, Piessens et al. 1983, routine qk21):
 # Kronrod abscissae from the outside in, every second one a Gauss abscissa.
@@ -70,7 +58,6 @@ PANEL_PHASE = 14.0
 CAUTION = 40.0  # of the error estimate: QUADPACK's 200 is for integrands of any kind, these panels follow the poles
 NARROWEST = 1e-13  # no panel is shorter than this fraction of its frequency: rounding begins there
 TINY = 1e-150
-TAIL = 40  # halvings of u = cutoff/omega on the way from 1 to 0
 EPSILON = np.finfo(float).eps
 UNUSUAL = (
     3e-14  # what rounding leaves of a plausible vehicle at its resonances: covered by 4 EPSILON a unit of sharpness
@@ -97,7 +84,7 @@ class Quadrature:
 
 @dataclass(frozen=True)
 class MeanSquare:
-    """Mean squares of one response and their error estimates, [positions, grid..., speeds], SI squared."""
+    """Mean squares of one output and their error estimates, [labels, grid..., speeds], SI squared."""
 
     value: NDArray[np.float64]
     error: NDArray[np.float64]
@@ -171,115 +158,14 @@ def quadrature(edges: NDArray[np.float64]) -> Quadrature:
 
 @dataclass(frozen=True)
 class WeightedNodes:
-    """Some nodes of a rule: omega [n] rad/s, and lag columns times the track's density and the weights.
+    """Some nodes of a rule: omega [n] rad/s, and lag functions times the track's density and the weights.
 
-    kronrod: [7, n, speeds]. gauss: the same for the embedded rule, None if it has none of these nodes.
+    kronrod: [lags, n, speeds]. gauss: the same for the embedded rule, None if it has none of these nodes.
     """
 
     omega: NDArray[np.float64]
     kronrod: NDArray[np.float64]
     gauss: NDArray[np.float64] | None
-
-
-def weighted_nodes(
-    vehicle: Vehicle,
-    spectrum: Spectrum,
-    rule: Quadrature,
-    speed: NDArray[np.float64],
-    limits: NDArray[np.float64],
-    most: int,
-) -> Iterator[WeightedNodes]:
-    """The nodes of a rule, at most `most` at a time, with weights that turn column powers into mean squares.
-
-    vehicle: a single geometry. speed: [m] in m/s. limits: [2, m], each speed's band in rad/s, on
-    panel edges; outside it the weights are zero.
-    """
-    gauss = rule.gauss_weights.size
-    for first, last in ((0, gauss), (gauss, rule.omega.size)):  # the embedded rule's nodes come first
-        edges = np.linspace(first, last, -(-(last - first) // most) + 1).round().astype(int)
-        for part in itertools.starmap(slice, itertools.pairwise(edges)):
-            omega = rule.omega[part, None]
-            density = angular_psd(spectrum, omega, speed) * ((omega > limits[0]) & (omega < limits[1]))
-            columns = lag_columns(vehicle, rule.omega[part], speed)
-            columns *= density
-            embedded = columns * rule.gauss_weights[part, None] if last == gauss else None
-            columns *= rule.weights[part, None]
-            yield WeightedNodes(rule.omega[part], columns, embedded)
-
-
-def mean_squares(
-    vehicle: Vehicle,
-    names: tuple[str, ...],
-    nodes: Iterable[WeightedNodes],
-    rounding_errors: Mapping[str, NDArray[np.float64]] | None = None,
-) -> dict[str, MeanSquare]:
-    """Mean squares of the named responses (keys of `RESPONSES`) for a grid of vehicles.
-
-    vehicle: fields that broadcast to [grid..., 1]; one geometry, that of the nodes. rounding_errors: `rounding` of each
-    response, at least `ROUNDING`.
-    Returns {name: MeanSquare}, [positions, grid..., speeds].
-
-    The error estimate has QUADPACK's form: with d the difference of the two rules relative to the value,
-    min(1, (CAUTION d)^1.5). d sums the differences of the lag columns without their signs, so that
-    they cannot cancel.
-    """
-    grid = vehicle.shape[:-1]
-    rows = math.prod(grid)
-    tile = TILE if vehicle.shape else 1  # a single vehicle is never part of a block
-    tiles = -(-rows // tile)
-    sums: dict[tuple[str, int], NDArray[np.float64]] = {}
-    for part in nodes:
-        chains = chain_responses(vehicle, part.omega)
-        products = top_products(chains)
-        for name in names:
-            for column, power in column_powers(RESPONSES[name], vehicle, part.omega, chains, products):
-                if (name, column) not in sums:
-                    sums[name, column] = np.zeros((2, tiles, tile, part.kronrod.shape[-1]))
-                total, embedded = sums[name, column]
-                padded = np.zeros((tiles, tile, part.omega.size))
-                padded.reshape(tiles * tile, -1)[:rows].reshape(*grid, -1)[...] = power
-                _add_product(total, padded, part.kronrod[column])
-                if part.gauss is not None:
-                    _add_product(embedded, padded, part.gauss[column])
-    result = {}
-    for name in names:
-        positions = RESPONSES[name].signs
-        found = {column: total for (key, column), total in sums.items() if key == name}
-        speeds = next(iter(found.values())).shape[-1]
-        value, difference = np.zeros((2, len(positions), *grid, speeds))
-        signs = np.array([column_signs(position) for position in positions])
-        for column, both in found.items():
-            total, embedded = both.reshape(2, tiles * tile, speeds)[:, :rows]
-            apart = np.abs(total - embedded)
-            for p, sign in enumerate(signs[:, column]):
-                if sign:
-                    value[p] += (sign * total).reshape(*grid, speeds)
-                    difference[p] += apart.reshape(*grid, speeds)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            d = difference / np.abs(value)
-            steep = CAUTION * d
-        result[name] = MeanSquare(
-            value,
-            np.abs(value) * (np.minimum(1.0, steep * np.sqrt(steep)) + (rounding_errors or {}).get(name, ROUNDING)),
-        )
-    return result
-
-
-def _add_product(total: NDArray[np.float64], power: NDArray[np.float64], weight: NDArray[np.float64]) -> None:
-    """Add power [tiles, TILE, n] @ weight [n, speeds] to total [tiles, TILE, speeds].
-
-    BLAS picks its order of summation by the shape of a product, so every product of a grid has the same shape and a
-    row the same bits whatever its block. And the shape is small: OpenBLAS then neither copies its operands nor starts
-    threads of its own (up to 4 x 65536 multiplications), which would fight with those of `solve.solve`.
-    """
-    speeds = total.shape[-1]
-    if speeds <= SPEEDS:
-        total += power @ weight
-        return
-    parts = -(-speeds // SPEEDS)
-    for k in range(parts):
-        some = slice(k * speeds // parts, (k + 1) * speeds // parts)
-        total[..., some] += power @ weight[:, some]
 
 
 def rounding(
@@ -293,7 +179,7 @@ def rounding(
     Near a resonance the response is a difference of large numbers: rounding over the distance of the band from the
     pole, relative to its frequency (the damping ratio, if the band holds the resonance). In a narrow band the
     differences of the nodes carry the rounding of their frequencies. shift, errors: of each pole, how far rounding
-    moves it and what it leaves of an element there, relatively (`partial_fractions.Resonances`): counted where they
+    moves it and what it leaves of an element there, relatively (`resonances.Resonances`): counted where they
     are `UNUSUAL`.
     """
     size, frequency = np.abs(poles)[:, None], np.abs(poles.imag)[:, None]
@@ -307,25 +193,3 @@ def rounding(
         near_pole = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
         unusual = np.max(np.where(frequency > 0, moved * size / distance + near_pole, 0.0), axis=0, initial=0.0)
     return ROUNDING + 4 * EPSILON * (np.max(sharpness, axis=0, initial=0.0) + narrow) + unusual
-
-
-def truncation_bound(
-    vehicle: Vehicle,
-    names: tuple[str, ...],
-    spectrum: Spectrum,
-    speed: NDArray[np.float64],
-    cutoff: float,
-) -> dict[str, NDArray[np.float64]]:
-    """Upper bound of the mean squares beyond `cutoff` [rad/s], whatever the lags.
-
-    Returns {name: [positions, grid..., speeds]}. From |B u_B + P u_P + Q u_Q|^2 <= 3 (|B|^2 + |P|^2 +
-    |Q|^2), integrated over u = cutoff/omega on panels each half as long as the one before, because what is overdamped
-    may bend the responses far beyond the last resonance.
-    """
-    rule = quadrature(np.append(0.0, np.exp2(np.arange(-TAIL, 1))))
-    omega = cutoff / rule.omega
-    density = angular_psd(spectrum, omega[:, None], speed) * (rule.weights * omega / rule.omega)[:, None]
-    diagonal = np.array([1, 1, 0, 1, 0, 0, 0]).reshape(-1, 1, 1)
-    bound = 3.0 * diagonal * density
-    nodes = [WeightedNodes(omega, bound, None)]
-    return {k: m.value for k, m in mean_squares(vehicle, names, nodes).items()}

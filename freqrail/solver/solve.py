@@ -8,7 +8,9 @@ is cut into blocks, nor on the number of workers.
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 import os
 import time
 from collections.abc import Callable
@@ -20,14 +22,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.model.equations import state_space
-from freqrail.model.responses import RESPONSES
-from freqrail.reduction.chain_columns import response_psd
-from freqrail.reduction.chains import chain_system, ladder, poles
-from freqrail.solver import quadrature, residues
-from freqrail.solver.panels import SharedPanels, every_pole, own_edges, rounding_errors, shared_panels, speed_groups
-from freqrail.solver.partial_fractions import own_resonances
-from freqrail.solver.problem import Problem, cells, cells_by_geometry, cut
+from freqrail.model.spectrum import frequency_psd
+from freqrail.solver import block_quadrature, block_residues, quadrature
+from freqrail.solver.block_lags import places_of, transfer, weighted_nodes
+from freqrail.solver.block_poles import poles
+from freqrail.solver.block_response import column
+from freqrail.solver.panels import SharedPanels, own_edges, rounding_errors, shared_panels, speed_groups
+from freqrail.solver.problem import Problem, cells, cells_by_geometry
+from freqrail.solver.resonances import every_pole, resonances
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE, Solution
 from freqrail.types import Progress
 
@@ -67,40 +69,50 @@ def solve(
 
 
 def _blank(study: Problem) -> Solution:
-    shape = study.shape
-    positions = {name: len(RESPONSES[name].signs) for name in study.names}
+    shape, labels = study.shape, _labels(study)
     return Solution(
-        rms={name: np.full((count, *shape), np.nan) for name, count in positions.items()},
-        relative_error={name: np.full((count, *shape), np.nan) for name, count in positions.items()},
+        rms={name: np.full((count, *shape), np.nan) for name, count in labels.items()},
+        relative_error={name: np.full((count, *shape), np.nan) for name, count in labels.items()},
         status=np.full(shape, STATUS.index("unresolved_peak"), np.int8),
         method=np.zeros(shape, np.int8),
     )
 
 
+def _labels(study: Problem) -> dict[str, int]:
+    """How many labels every output has."""
+    return {output.name: len(output.taps) for output in study.reduction.outputs}
+
+
 def _solve_in_closed_form(study: Problem, solution: Solution, jobs: int, progress: Progress) -> None:
     def part(cell: tuple[slice, ...]) -> None:
-        vehicle = cut(study.vehicle, cell)
-        block = residues.whole_axis_mean_squares(vehicle, study.names, study.spectrum, study.speed)
-        _store(solution, cell, block, "closed_form")
-        progress(replace(study, vehicle=vehicle).points)
+        some = study.cut(cell)
+        _store(solution, cell, _closed_form(some), "closed_form")
+        progress(some.points)
 
-    _run(part, cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size), jobs)
+    _run(part, cells(study.vehicles, CLOSED_FORM_BLOCK // study.speed.size), jobs)
     _run(partial(_improve, study, solution), _inaccurate(study, solution), jobs)
+
+
+def _closed_form(study: Problem) -> dict[str, quadrature.MeanSquare]:
+    return block_residues.whole_axis_mean_squares(study.reduction, study.values, study.spectrum, study.speed)
 
 
 def _inaccurate(study: Problem, solution: Solution) -> list[tuple[int, ...]]:
     """Vehicles of which a damped response has an error estimate above TOLERANCE, or none at all, at some speed."""
-    result = np.zeros(study.vehicle.shape, dtype=bool)
+    result = np.zeros(study.vehicles, dtype=bool)
     for name, error in solution.relative_error.items():
-        result |= ~(np.max(error, axis=(0, -1)) <= TOLERANCE) & ~_without_damper(study, RESPONSES[name].chains)
+        undamped = functools.reduce(
+            operator.or_, (_without_damper(study, index) for index in study.reduction.blocks_in(name))
+        )
+        result |= ~(np.max(error, axis=(0, -1)) <= TOLERANCE) & ~undamped
     return [tuple(map(int, index)) for index in np.argwhere(result)]
 
 
 def _improve(study: Problem, solution: Solution, index: tuple[int, ...]) -> None:
     """Quadrature for one vehicle, kept for the responses and speeds where its error estimates are the smaller ones."""
-    vehicle = study.vehicle.at(index)
-    for speeds in speed_groups(replace(study, vehicle=vehicle), poles(vehicle, study.chains)):
-        squares = _own_quadrature(replace(study, speed=study.speed[speeds]), index)
+    alone = study.at(index)
+    for speeds in speed_groups(alone, every_pole(resonances(alone.reduction, alone.values))):
+        squares = _own_quadrature(replace(alone, speed=study.speed[speeds]))
         own = {name: _root(square) for name, square in squares.items()}
         at: tuple[Any, ...] = (slice(None), *index, speeds)
         for name, (root, error) in own.items():
@@ -117,15 +129,15 @@ def _solve_by_quadrature(
 ) -> None:
     own: list[tuple[int, ...]] = []
     if shared.edges is None:
-        own = list(np.ndindex(study.vehicle.shape))
+        own = list(np.ndindex(study.vehicles))
     else:
         rule = quadrature.quadrature(shared.edges)
-        for geometry, group in cells_by_geometry(study.vehicle, BLOCK):
-            nodes = _weighted_nodes(study, geometry, rule)
+        for geometry, group in cells_by_geometry(study, BLOCK):
+            nodes = _weighted_nodes(study, geometry, rule, quadrature.NODES)
 
             def together(cell: tuple[slice, ...], nodes: list[quadrature.WeightedNodes] = nodes) -> None:
-                part = replace(study, vehicle=cut(study.vehicle, cell))
-                block = quadrature.mean_squares(part.vehicle.column(), study.names, nodes, shared.rounding_errors)
+                part = study.cut(cell)
+                block = block_quadrature.mean_squares(part.reduction, part.values, nodes, shared.rounding_errors)
                 _store(solution, cell, block, "shared_quadrature")
                 progress(part.points)
 
@@ -134,7 +146,7 @@ def _solve_by_quadrature(
         own = [tuple(map(int, i)) for i in np.argwhere(~(worst <= REFINE_ABOVE))]
 
     def alone(index: tuple[int, ...]) -> None:
-        squares = _own_quadrature(study, index)
+        squares = _own_quadrature(study.at(index))
         cell = tuple(slice(i, i + 1) for i in index)
         together = {
             name: quadrature.MeanSquare(
@@ -150,33 +162,35 @@ def _solve_by_quadrature(
 
 
 def _weighted_nodes(
-    study: Problem, geometry: tuple[int, ...], rule: quadrature.Quadrature
+    study: Problem, geometry: tuple[int, ...], rule: quadrature.Quadrature, most: int
 ) -> list[quadrature.WeightedNodes]:
-    """Nodes with the weights of every speed and of the geometry of the vehicle at an index."""
-    vehicle = study.vehicle.at(geometry)
-    return list(quadrature.weighted_nodes(vehicle, study.spectrum, rule, study.speed, study.limits, quadrature.NODES))
+    """Nodes with the weights of every speed and of the wheels' places of the vehicle at an index."""
+    places = places_of(study.reduction, study.values, geometry)
+    return list(weighted_nodes(study.reduction, places, study.spectrum, rule, study.speed, study.limits, most))
 
 
-def _own_quadrature(study: Problem, index: tuple[int, ...]) -> dict[str, quadrature.MeanSquare]:
-    """Mean squares of one vehicle at every speed with nodes placed for it alone, and denser: [positions, speeds]."""
-    vehicle = study.vehicle.at(index)
-    found = {chain: own_resonances(vehicle, chain) for chain in study.chains}
+def _own_quadrature(study: Problem) -> dict[str, quadrature.MeanSquare]:
+    """Mean squares of a single vehicle at every speed with nodes placed for it alone, and denser: [labels, speeds]."""
+    found = resonances(study.reduction, study.values)
     rounding = rounding_errors(study, found)
+    labels = _labels(study)
     hopeless = {name for name in study.names if not np.any(rounding[name] / 2 <= TOLERANCE)}
     if hopeless and np.isfinite(every_pole(found)).all():
-        rest = replace(study, names=tuple(name for name in study.names if name not in hopeless))
-        squares = _own_quadrature(rest, index) if rest.names else {}
-        zero = {name: np.zeros((len(RESPONSES[name].signs), study.speed.size)) for name in hopeless}
+        rest = study.only(tuple(name for name in study.names if name not in hopeless))
+        squares = _own_quadrature(rest) if rest.names else {}
+        zero = {name: np.zeros((labels[name], study.speed.size)) for name in hopeless}
         return squares | {name: quadrature.MeanSquare(each, each + np.inf) for name, each in zero.items()}
-    edges = own_edges(study, vehicle, every_pole(found))
+    edges = own_edges(study, every_pole(found))
     if edges is None:
-        nothing = {k: np.full((len(RESPONSES[k].signs), study.speed.size), np.nan) for k in study.names}
+        nothing = {name: np.full((count, study.speed.size), np.nan) for name, count in labels.items()}
         return {k: quadrature.MeanSquare(v, v) for k, v in nothing.items()}
     rule = quadrature.quadrature(edges)
-    nodes = quadrature.weighted_nodes(vehicle, study.spectrum, rule, study.speed, study.limits, OWN_NODES)
-    squares = quadrature.mean_squares(vehicle, study.names, nodes, rounding)
+    nodes = _weighted_nodes(study, (), rule, OWN_NODES)
+    squares = block_quadrature.mean_squares(study.reduction, study.values, nodes, rounding)
     if np.isinf(study.limits).any():
-        beyond = quadrature.truncation_bound(vehicle, study.names, study.spectrum, study.speed, float(edges[-1]))
+        beyond = block_quadrature.truncation_bound(
+            study.reduction, study.values, study.spectrum, study.speed, float(edges[-1])
+        )
         squares = {k: replace(m, error=m.error + beyond[k]) for k, m in squares.items()}
     return squares
 
@@ -184,17 +198,16 @@ def _own_quadrature(study: Problem, index: tuple[int, ...]) -> dict[str, quadrat
 def psd(
     study: Problem, frequency: NDArray[np.float64], progress: Progress = lambda points: None
 ) -> dict[str, NDArray[np.float64]]:
-    """One-sided PSDs {name: [positions, grid..., speeds, n]} at `frequency` [n] in Hz, per Hz, SI squared."""
-    result = {name: np.empty((len(RESPONSES[name].signs), *study.shape, frequency.size)) for name in study.names}
-    for _, group in cells_by_geometry(study.vehicle, PSD_BLOCK // (frequency.size * study.speed.size)):
+    """One-sided PSDs {name: [labels, grid..., speeds, n]} at `frequency` [n] in Hz, per Hz, SI squared."""
+    result = {name: np.empty((count, *study.shape, frequency.size)) for name, count in _labels(study).items()}
+    density = frequency_psd(study.spectrum, frequency, study.speed[:, None])
+    for _, group in cells_by_geometry(study, PSD_BLOCK // (frequency.size * study.speed.size)):
         for cell in group:
-            part = replace(study, vehicle=cut(study.vehicle, cell))
-            column = part.vehicle.column().column()
-            for name in study.names:
-                density = response_psd(RESPONSES[name], column, study.spectrum, frequency, study.speed[:, None])
-                # a response spans only the axes that it depends on: the positions come before all of them
-                missing = tuple(range(1, 1 + result[name].ndim - density.ndim))
-                result[name][(slice(None), *cell)] = np.expand_dims(density, missing)
+            part = study.cut(cell)
+            found = transfer(part.reduction, part.values, 2 * np.pi * frequency, study.speed)
+            for name, labels in found.items():
+                for place, each in enumerate(labels):
+                    result[name][(place, *cell)] = (np.square(each.real) + np.square(each.imag)) * density
             progress(part.points)
     return result
 
@@ -203,21 +216,20 @@ def seconds(study: Problem, jobs: int = 1) -> float:
     """Estimated wall time of `solve`, s, from timing a first block of this grid for every group of its speeds."""
     groups = shared_panels(study)
     if not groups:
-        first = cut(study.vehicle, cells(study.vehicle.shape, CLOSED_FORM_BLOCK // study.speed.size)[0])
-        once = _timed(lambda: residues.whole_axis_mean_squares(first, study.names, study.spectrum, study.speed))
-        return once * math.prod(study.vehicle.shape) / math.prod(first.shape) / jobs
+        first = study.cut(cells(study.vehicles, CLOSED_FORM_BLOCK // study.speed.size)[0])
+        return _timed(lambda: _closed_form(first)) * study.points / first.points / jobs
     return sum(_group_seconds(replace(study, speed=study.speed[g.speeds]), g) for g in groups) / jobs
 
 
 def _group_seconds(study: Problem, shared: SharedPanels) -> float:
-    everyone = math.prod(study.vehicle.shape)
     if shared.edges is None:
-        return everyone * _timed(lambda: _own_quadrature(study, (0,) * len(study.vehicle.shape)))
+        return math.prod(study.vehicles) * _timed(lambda: _own_quadrature(study.at((0,) * len(study.vehicles))))
     rule = quadrature.quadrature(shared.edges)
-    geometry, group = next(iter(cells_by_geometry(study.vehicle, BLOCK)))
-    nodes = _weighted_nodes(study, geometry, rule)
-    part = cut(study.vehicle, group[0])
-    return everyone / math.prod(part.shape) * _timed(lambda: quadrature.mean_squares(part.column(), study.names, nodes))
+    geometry, group = next(iter(cells_by_geometry(study, BLOCK)))
+    nodes = _weighted_nodes(study, geometry, rule, quadrature.NODES)
+    part = study.cut(group[0])
+    once = _timed(lambda: block_quadrature.mean_squares(part.reduction, part.values, nodes))
+    return once * study.points / part.points
 
 
 def _timed(task: Callable[[], object]) -> float:
@@ -229,7 +241,8 @@ def _timed(task: Callable[[], object]) -> float:
 def _root(square: quadrature.MeanSquare) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """RMS and its relative error; the root halves a relative error."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.sqrt(square.value), square.error / square.value / 2
+        # what the track does not move is exactly 0
+        return np.sqrt(square.value), np.where(square.error > 0, square.error / square.value / 2, square.error)
 
 
 def _store(solution: Solution, cell: tuple[slice, ...], squares: dict[str, quadrature.MeanSquare], method: str) -> None:
@@ -242,14 +255,14 @@ def _store(solution: Solution, cell: tuple[slice, ...], squares: dict[str, quadr
 
 def _judge(study: Problem, solution: Solution) -> None:
     """Give every point its status, and NaN to the numbers that cannot be promised."""
-    undamped = _undamped_chains(study)
+    undamped = _undamped_blocks(study)
     found = {status: np.zeros(study.shape, dtype=bool) for status in ("unresolved_peak", "failed", "undamped")}
     nothing = np.ones(study.shape, dtype=bool)
     for name, error in solution.relative_error.items():
         value = solution.rms[name]
         infinite = np.zeros(study.shape, dtype=bool)
-        for chain in undamped.keys() & set(RESPONSES[name].chains):
-            infinite |= undamped[chain]
+        for index in undamped.keys() & set(study.reduction.blocks_in(name)):
+            infinite |= undamped[index]
         bad = ~np.isfinite(value) | ~(error <= TOLERANCE) | infinite
         found["unresolved_peak"] |= np.any(bad, axis=0)
         found["failed"] |= np.any(~np.isfinite(value), axis=0)
@@ -262,34 +275,29 @@ def _judge(study: Problem, solution: Solution) -> None:
     solution.method[nothing] = METHOD.index("none")
 
 
-def _undamped_chains(study: Problem) -> dict[str, NDArray[np.bool_]]:
-    """Where a chain without any damper resonates inside the band, {chain: [grid..., speeds]}, if anywhere."""
+def _undamped_blocks(study: Problem) -> dict[int, NDArray[np.bool_]]:
+    """Where a block without any damper resonates inside the band, {block: [grid..., speeds]}, if anywhere."""
     result = {}
-    for chain in study.chains:
-        none = _without_damper(study, (chain,))
+    for index in {index for name in study.names for index in study.reduction.blocks_in(name)}:
+        none = _without_damper(study, index)
         if none.any():
-            result[chain] = np.zeros(study.shape, dtype=bool)
-            for index in map(tuple, np.argwhere(none)):
-                result[chain][index] = _undamped(study, index, chain)
+            result[index] = np.zeros(study.shape, dtype=bool)
+            for place in map(tuple, np.argwhere(none)):
+                result[index][place] = _undamped(study.at(place), index)
     return result
 
 
-def _without_damper(study: Problem, chains: tuple[str, ...]) -> NDArray[np.bool_]:
-    """Vehicles of which one of the chains has no damper at all, [grid...]."""
-    result = np.zeros(study.vehicle.shape, dtype=bool)
-    for chain in chains:
-        none = np.ones(study.vehicle.shape, dtype=bool)
-        for _, damping, _ in ladder(study.vehicle, chain)[1]:
-            none &= np.equal(damping, 0)
-        result |= none
-    return result
+def _without_damper(study: Problem, index: int) -> NDArray[np.bool_]:
+    """Vehicles of which a block has no damper at all, [grid...]."""
+    damped = [strut.law.damps(study.values) for strut in study.reduction.blocks[index].struts]
+    return np.broadcast_to(np.logical_not(functools.reduce(np.logical_or, damped)), study.vehicles)
 
 
-def _undamped(study: Problem, index: tuple[int, ...], chain: str) -> NDArray[np.bool_]:
-    """Whether a vehicle's chain, without damper, resonates inside the band, [speeds]: its variance is infinite."""
-    resonances = np.abs(np.linalg.eigvals(state_space(chain_system(study.vehicle.at(index), chain)).a).imag)
-    inside = (resonances[:, None] > study.limits[0]) & (resonances[:, None] < study.limits[1])
-    return inside.any(axis=0)
+def _undamped(study: Problem, index: int) -> NDArray[np.bool_]:
+    """Whether a block of a single vehicle, without damper, resonates inside the band, [speeds]: infinite variance."""
+    found = np.abs(poles(study.reduction.blocks[index], study.reduction.lengths, study.values).imag)
+    inside = (found[:, None] > study.limits[0]) & (found[:, None] < study.limits[1])
+    return np.asarray(inside.any(axis=0))
 
 
 def processors() -> int:
