@@ -19,7 +19,7 @@ from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.vehicle import Vehicle
 from freqrail.solver import solution as the_solution
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from tests.extremes import check as checking
 from tests.extremes import forty_digits
 from tests.extremes.check import check
@@ -187,7 +187,7 @@ def test_at_the_corners_of_a_wide_range_the_kernel_neither_raises_nor_hangs(seed
     spectrum = RationalSpectrum("rational", 4.032e-7, (0.0206 * 10.0 ** rng.choice([-6, 0]), 0.8246))
     speeds = np.array([1e-3 / 3.6, 600 / 3.6])
     start = time.process_time()
-    solution = solve.solve(Problem(Vehicle(**vehicle), speeds, spectrum, band, tuple(RESPONSES)))
+    solution = solve.solve(half_vehicle_problem(Vehicle(**vehicle), speeds, spectrum, band, tuple(RESPONSES)))
     assert time.process_time() - start < 60
     for name, values in solution.rms.items():
         given = np.isfinite(values)
@@ -199,7 +199,7 @@ def test_a_spring_of_nothing_without_a_damper_ends():
     """It hung for minutes: a pole at zero kept the panels from leaving it."""
     vehicle = Vehicle(**PLAUSIBLE | {"secondary_stiffness": 1e-300, "secondary_damping": 0.0, "primary_damping": 0.0})
     for damping in (0.0, 17e3):
-        study = Problem(
+        study = half_vehicle_problem(
             replace(vehicle, primary_damping=damping),
             np.array([SPEED]),
             RationalSpectrum("german-low", GERMAN_LOW[0], GERMAN_LOW[1:]),

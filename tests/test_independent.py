@@ -11,7 +11,7 @@ import pytest
 from freqrail.model.equations import state_space
 from freqrail.model.vehicle import half_vehicle
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from tests.independent import NAMES, PAPER, SPEED, TRACK, band_rms, state_matrices, whole_axis_rms
 
 SOURCE = Path(__file__).with_name("independent.py")
@@ -37,7 +37,9 @@ def test_its_typed_matrices_are_the_packages(paper_vehicle):
 @pytest.mark.parametrize("banded", [True, False])
 def test_the_package_gives_its_numbers(paper_case, banded):
     band = paper_case.band if banded else None
-    found = solve.solve(Problem(paper_case.vehicle, np.array([paper_case.speed]), paper_case.spectrum, band, NAMES)).rms
+    found = solve.solve(
+        half_vehicle_problem(paper_case.vehicle, np.array([paper_case.speed]), paper_case.spectrum, band, NAMES)
+    ).rms
     if banded:
         expected = band_rms(PAPER, TRACK, SPEED, 2 * np.pi * 0.1, 2 * np.pi * 100)
     else:

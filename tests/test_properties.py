@@ -22,7 +22,7 @@ from freqrail.reduction.chain_columns import track_response
 from freqrail.reduction.chains import chain_responses, poles
 from freqrail.solver import solution
 from freqrail.solver import solve as solver_solve
-from freqrail.solver.problem import Problem, cells
+from freqrail.solver.problem import half_vehicle_problem, cells
 from tests.helpers import ALL_NAMES, INDEX, random_vehicle
 
 EXAMPLES = settings(deadline=None, derandomize=True, database=None, max_examples=15)
@@ -44,7 +44,7 @@ bands = st.sampled_from(BANDS)
 
 
 def solve(vehicle: Vehicle, speed: object, band: Band | None, track: RationalSpectrum = TRACK, **options: int):
-    return solver_solve.solve(Problem(vehicle, np.atleast_1d(speed), track, band, ALL_NAMES), **options)
+    return solver_solve.solve(half_vehicle_problem(vehicle, np.atleast_1d(speed), track, band, ALL_NAMES), **options)
 
 
 def same_bits(one: solution.Solution, other: solution.Solution) -> bool:

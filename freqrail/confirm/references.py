@@ -18,7 +18,7 @@ from freqrail.model.responses import series_count
 from freqrail.model.spectrum import RationalSpectrum, frequency_psd, standard_deviation
 from freqrail.model.vehicle import Vehicle, static_wheel_load
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def kernel_rms(
     vehicle: Vehicle, point: OperatingPoint, names: tuple[str, ...], band: Band | None
 ) -> NDArray[np.float64]:
     """RMS of a vehicle at a point's speed and on its track by the kernel of a sweep: [series]."""
-    rms = solve.solve(Problem(vehicle, np.array([point.speed]), point.spectrum, band, names)).rms
+    rms = solve.solve(half_vehicle_problem(vehicle, np.array([point.speed]), point.spectrum, band, names)).rms
     return np.concatenate([rms[name][:, 0] for name in names])
 
 

@@ -16,7 +16,7 @@ from freqrail.replication.judging import OTHER_JOINT, PLACES, read, scan
 from freqrail.replication.yielding_rail import TYPICAL, Rail, response_rms, wheel_resonance
 from freqrail.solver import solve
 from freqrail.solver.modes import Mode, modes
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 
 NO_WHEELBASE = 1e-6  # m; what the bogie frame's bounce has of the wheelbase is the lag between its wheels alone
 
@@ -117,7 +117,7 @@ def stiffening(exact: xr.Dataset, case: Case) -> Stiffening:
     place = exact["car_position"].values.tolist().index(PLACES["car_position"])
     speed = np.array([PAPER_SPEED / 3.6])
     springs, plain = (
-        float(solve.solve(Problem(each, speed, case.spectrum, case.band, (CAR,))).rms[CAR][place, 0])
+        float(solve.solve(half_vehicle_problem(each, speed, case.spectrum, case.band, (CAR,))).rms[CAR][place, 0])
         for each in (stiffer, rigid)
     )
     car = float(read(exact, CAR).departure.sel(PAPER_POINT))
@@ -152,7 +152,7 @@ def wheelbase_filter(exact: xr.Dataset, case: Case, joint: float) -> Filter:
     speeds = exact["speed"].values / 3.6
     with_joint, rigid = (
         solve.solve(
-            Problem(replace(each, half_wheelbase=NO_WHEELBASE), speeds, case.spectrum, case.band, (BOGIE,))
+            half_vehicle_problem(replace(each, half_wheelbase=NO_WHEELBASE), speeds, case.spectrum, case.band, (BOGIE,))
         ).rms[BOGIE][place]
         for each in (vehicle, vehicle.traditional())
     )

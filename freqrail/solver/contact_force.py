@@ -17,7 +17,7 @@ from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.chains import chain_responses, ladder, poles
 from freqrail.solver import quadrature
 from freqrail.solver.panels import own_edges
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 
 BAND_END = 3.0  # of the highest resonance, where a band without an end is cut: hardly any track height is left beyond
 FASTEST_POLE = 1e15  # rad/s, beyond which no vehicle has one and panels find no end
@@ -54,7 +54,7 @@ def contact_force_rms(vehicle: Vehicle, spectrum: Spectrum, speed: float, band: 
         return np.full(4, np.nan)
     highest = float(np.abs(resonances.imag).max()) / (2 * np.pi)
     band = band or Band("frequency", 1e-6 * highest, BAND_END * highest)
-    study = Problem(vehicle, np.array([speed]), spectrum, band, ("wheelset_acceleration",))
+    study = half_vehicle_problem(vehicle, np.array([speed]), spectrum, band, ("wheelset_acceleration",))
     lag = 2 * (vehicle.half_bogie_spacing + vehicle.half_wheelbase) / speed
     if not quadrature.fewest_nodes(study.limits[:, 0], lag) < MOST_NODES:
         return np.full(4, np.nan)

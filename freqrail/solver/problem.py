@@ -108,8 +108,13 @@ def half_vehicle_problem(
     vehicle: Vehicle, speed: NDArray[np.float64], spectrum: Spectrum, band: Band | None, names: tuple[str, ...]
 ) -> Problem:
     """The problem of the paper's half vehicle; names: of its responses."""
+    return Problem(half_vehicle_reduction(names, vars(vehicle)), vars(vehicle), speed, spectrum, band)
+
+
+def half_vehicle_reduction(names: tuple[str, ...], values: Values) -> Reduction:
+    """The paper's half vehicle reduced for some of its responses; values: those of its lengths at least."""
     known = {output.name: output for output in outputs()}
-    return problem_of(half_vehicle(), tuple(known[name] for name in names), vars(vehicle), speed, spectrum, band)
+    return reduce(half_vehicle(), tuple(known[name] for name in names), values)
 
 
 def cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:

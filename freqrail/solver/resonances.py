@@ -74,9 +74,7 @@ def _resonances(each: Expansion, known: NDArray[np.bool_]) -> Resonances:
     )
 
 
-def _known(
-    reduction: Reduction, index: int, values: Values, each: Expansion, sample: bool
-) -> NDArray[np.bool_]:
+def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sample: bool) -> NDArray[np.bool_]:
     """Whether a block's poles are known, [grid..., k]."""
     known = ~each.lost
     shape = each.raw.shape[:-1]

@@ -18,7 +18,6 @@ from freqrail.result import content, labels, layout
 from freqrail.solver import solve
 from freqrail.solver.panels import SharedPanels, shared_panels
 from freqrail.solver.problem import cells
-from freqrail.solver.problem import cut as cut_grid
 from freqrail.sweep.plan import Plan
 from freqrail.types import Progress
 
@@ -28,7 +27,7 @@ POINTS = 250_000
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a model's grid. cell: along the axes of `Study.vehicle`; place: along the swept parameters."""
+    """A part of a model's grid. cell: along the axes of `Problem.vehicles`; place: along the swept parameters."""
 
     prefix: str
     cell: tuple[slice, ...]
@@ -46,7 +45,7 @@ def cut(plan: Plan) -> list[Part]:
     for prefix, problem in plan.problems.items():
         lines = plan.layout.frequency.si.size if plan.layout.frequency is not None else 1
         swept = [axis.name for axis in plan.layout.axes(prefix)]
-        for cell in cells(problem.vehicle.shape, max(1, POINTS // (problem.speed.size * lines))):
+        for cell in cells(problem.vehicles, max(1, POINTS // (problem.speed.size * lines))):
             place = list(cell)
             if "speed" in swept:
                 place.insert(swept.index("speed"), slice(0, problem.speed.size))
@@ -73,8 +72,7 @@ def compute(
     progress: Progress = lambda points: None,
 ) -> dict[str, NDArray]:
     """The numbers of a block by variable, in the order of the variable's dimensions."""
-    whole = plan.problems[block.prefix]
-    problem = replace(whole, vehicle=cut_grid(whole.vehicle, block.cell))
+    problem = plan.problems[block.prefix].cut(block.cell)
     solution = solve.solve(problem, jobs, progress, shared[block.prefix])
     spectra = solve.psd(problem, plan.layout.frequency.si, progress) if plan.layout.frequency is not None else None
     return labels.arrays(plan.layout, block.prefix, solution, spectra)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from freqrail.model.band import band_limits
 from freqrail.model.responses import PREFIXES, RESPONSES, TWIN
 from freqrail.result.layout import Layout, response_names, without_joints
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import Problem, half_vehicle_problem
 
 PSD_POINTS = 400
 PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
@@ -40,17 +40,9 @@ class Plan:
     def for_layout(cls, layout: Layout) -> Plan:
         """The plan that fills a layout."""
         case = layout.case
-        problems = {
-            prefix: Problem(
-                vehicle=part.vehicles() if not prefix else part.vehicles().traditional(),
-                speed=part.speeds(),
-                spectrum=part.spectrum,
-                band=part.band,
-                names=layout.names,
-            )
-            for prefix, part in (("", case), (TWIN, without_joints(case)))
-        }
-        return cls(layout, problems)
+        joints = half_vehicle_problem(case.vehicles(), case.speeds(), case.spectrum, case.band, layout.names)
+        rigid = without_joints(case).vehicles().traditional()
+        return cls(layout, {"": joints, TWIN: replace(joints, values=vars(rigid))})
 
     @property
     def points(self) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 import freqrail
 from freqrail.model.responses import RESPONSES
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from tests.bench.peers import PEERS, user_loop
 from tests.independent import PAPER, SPEED, TRACK, band_rms, state_matrices, whole_axis_rms
 
@@ -50,7 +50,7 @@ def single(study: Problem) -> np.ndarray:
 
 
 def study_of(case, band, speeds=None, vehicle=None) -> Problem:
-    return Problem(
+    return half_vehicle_problem(
         vehicle or case.vehicle,
         np.atleast_1d(case.speed if speeds is None else speeds),
         case.spectrum,

@@ -17,7 +17,7 @@ from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.model.responses import RESPONSES
 from freqrail.reduction.columns import reduce
 from freqrail.solver import block_lags, block_quadrature, block_residues, panels, quadrature, residues, solve
-from freqrail.solver.problem import Problem, cells, cut
+from freqrail.solver.problem import half_vehicle_problem, cells, cut
 
 JOINTS = np.geomspace(0.5e6, 100e6, 100)
 
@@ -28,7 +28,7 @@ def paper_study(count: int = 100, speeds: int = 100) -> Problem:
     joints = np.geomspace(0.5e6, 100e6, count)
     vehicle = replace(case.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[None, :])
     speed = np.linspace(100, 300, speeds) / 3.6
-    return Problem(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES)[:4])
+    return half_vehicle_problem(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES)[:4])
 
 
 def whole_axis() -> None:

@@ -20,7 +20,7 @@ from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.vehicle import half_vehicle
 from freqrail.result import verdicts
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from tests.helpers import ALL_NAMES, lags, output_matrices
 
 BAND = (0.1, 100.0)
@@ -36,7 +36,7 @@ def reference(point: OperatingPoint, band=BAND) -> np.ndarray:
     """The numbers under test: RMS over the continuous spectrum, [model, series]."""
     rows = []
     for vehicle in (point.vehicle, point.vehicle.traditional()):
-        study = Problem(vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *band), PAPER)
+        study = half_vehicle_problem(vehicle, np.array([point.speed]), point.spectrum, Band("frequency", *band), PAPER)
         rms = solve.solve(study).rms
         rows.append(np.concatenate([rms[name][:, 0] for name in PAPER]))
     return np.array(rows)

@@ -32,7 +32,7 @@ from freqrail.reduction.chain_columns import (
 )
 from freqrail.reduction.chains import chain_response, chain_responses, chain_system
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from tests.helpers import (
     ALL_NAMES,
     INDEX,
@@ -351,7 +351,7 @@ def test_psd_adds_up_to_the_rms(model, paper_vehicle, german_low):
     vehicle = paper_vehicle if model == "joints" else paper_vehicle.traditional()
     speed, low, high = 250 / 3.6, 0.3, 60.0
     frequency = np.linspace(low, high, 60_001)
-    study = Problem(vehicle, np.array([speed]), german_low, Band("frequency", low, high), ALL_NAMES)
+    study = half_vehicle_problem(vehicle, np.array([speed]), german_low, Band("frequency", low, high), ALL_NAMES)
     solution = solve.solve(study)
     for name in ALL_NAMES:
         psd = response_psd(RESPONSES[name], vehicle, german_low, frequency, speed)
@@ -363,7 +363,7 @@ def test_psds_of_a_grid_are_those_of_its_vehicles_and_speeds(paper_vehicle, germ
     stiffness, speeds = np.array([0.5e6, 50e6]), np.array([30.0, 60.0, 80.0])
     frequency = np.geomspace(0.1, 100, 20)
     many = replace(paper_vehicle, primary_joint_stiffness=stiffness)
-    found = solve.psd(Problem(many, speeds, german_low, None, ALL_NAMES), frequency)
+    found = solve.psd(half_vehicle_problem(many, speeds, german_low, None, ALL_NAMES), frequency)
     for name in ALL_NAMES:
         assert found[name].shape == (len(RESPONSES[name].signs), 2, 3, 20)
         for i, k in enumerate(stiffness):

@@ -13,7 +13,7 @@ from freqrail.model.responses import PAPER
 from freqrail.model.vehicle import half_vehicle
 from freqrail.replication import printed
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 
 
 def test_two_damper_forces_and_nothing_else_change_sign(paper_vehicle):
@@ -76,14 +76,14 @@ def test_the_same_quadrature_gives_the_right_equations_their_known_rms(paper_veh
     rows, _ = readout(system, model, paper_vehicle)
     poles = np.linalg.eigvals(model.a)
     found = printed.response_rms(model, rows, poles, paper_vehicle, paper_case.spectrum, speed, paper_case.band)
-    known = solve.solve(Problem(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
+    known = solve.solve(half_vehicle_problem(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
     np.testing.assert_allclose(found, np.concatenate([known[name] for name in PAPER]), rtol=1e-6)
 
 
 def test_wrong_signs_change_the_numbers_where_they_are_stable(paper_vehicle, paper_case):
     speed = np.array([250 / 3.6])
     found = printed.printed_rms(paper_vehicle, paper_case.spectrum, speed, paper_case.band)[:, 0]
-    known = solve.solve(Problem(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
+    known = solve.solve(half_vehicle_problem(paper_vehicle, speed, paper_case.spectrum, paper_case.band, PAPER)).rms
     bogies = known["bogie_acceleration"][:, 0]
     assert found[3] / bogies[0] > 2
     assert found[3] != pytest.approx(found[4], rel=0.5)  # front and rear bogie are no longer alike

@@ -12,14 +12,14 @@ from freqrail.replication.mechanism import on_rail
 from freqrail.replication.yielding_rail import TYPICAL, Rail, displacements, poles, response_rms, wheel_resonance
 from freqrail.solver import solve
 from freqrail.solver.modes import modes
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 
 NAMES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke")
 PLACE = {"car_body_acceleration": 1}
 
 
 def package_rms(case, vehicle) -> dict[str, float]:
-    rms = solve.solve(Problem(vehicle, np.array([case.speed]), case.spectrum, case.band, NAMES)).rms
+    rms = solve.solve(half_vehicle_problem(vehicle, np.array([case.speed]), case.spectrum, case.band, NAMES)).rms
     return {name: float(rms[name][PLACE.get(name, 0), 0]) for name in NAMES}
 
 

@@ -14,7 +14,7 @@ from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.reduction.columns import reduce
 from freqrail.solver import block_lags, block_quadrature, panels, quadrature, solve
-from freqrail.solver.problem import Problem, cells, cut
+from freqrail.solver.problem import half_vehicle_problem, cells, cut
 from freqrail.solver.quadrature import MeanSquare
 from tests.helpers import density, reference_nodes
 from tests.plain_vehicles import MAKERS, Plain, as_system, dense_outputs, lagged, outputs_of, places
@@ -60,7 +60,7 @@ def test_every_mean_square_is_that_of_the_dense_solution(kind, seed, german_low)
 def paper_study(vehicle, spectrum) -> Problem:
     joints = np.geomspace(0.5e6, 100e6, 6)
     vehicle = replace(vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[:4])
-    return Problem(
+    return half_vehicle_problem(
         vehicle, np.array([100.0, 180, 300]) / 3.6, spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES)
     )
 

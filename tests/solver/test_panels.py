@@ -15,7 +15,7 @@ from freqrail.reduction.chains import poles
 from freqrail.solver import panels, quadrature, solve
 from freqrail.solver import solution as the_solution
 from freqrail.solver.partial_fractions import own_resonances
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from tests.helpers import PAPER_NAMES, from_chains, reference_rms
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
@@ -25,7 +25,7 @@ WALKING = np.array([1.0, 1.5, 3, 6, 12, 40, 250, 600]) * KMH
 
 
 def study(vehicle: Vehicle, speeds: np.ndarray, band: Band | None = FREQUENCY, spectrum=TRACK) -> Problem:
-    return Problem(vehicle, speeds, spectrum, band, PAPER_NAMES)
+    return half_vehicle_problem(vehicle, speeds, spectrum, band, PAPER_NAMES)
 
 
 def groups(of: Problem) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ import pytest
 
 from freqrail.model.band import Band
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum
-from freqrail.solver.problem import Problem, cells, cells_by_geometry, cut
+from freqrail.solver.problem import half_vehicle_problem, cells, cells_by_geometry, cut
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
 TABLE = TabulatedSpectrum("measured", (0.1, 1.0, 4.0), (1e-4, 1e-6, 1e-9))
@@ -31,13 +31,13 @@ SPEEDS = np.array([10.0, 50.0])
     ],
 )
 def test_limits_are_the_bands_at_every_speed_as_far_as_the_spectrum_goes(paper_vehicle, band, spectrum, limits):
-    study = Problem(paper_vehicle, SPEEDS, spectrum, band, ())
+    study = half_vehicle_problem(paper_vehicle, SPEEDS, spectrum, band, ())
     np.testing.assert_allclose(study.limits, limits)
 
 
 def test_a_study_knows_its_shape(paper_vehicle):
     many = replace(paper_vehicle, bogie_mass=np.ones((4, 1)), car_body_mass=np.ones(3))
-    study = Problem(many, SPEEDS, TRACK, None, ())
+    study = half_vehicle_problem(many, SPEEDS, TRACK, None, ())
     assert study.shape == (4, 3, 2)
     assert study.points == 24
     assert replace(study, vehicle=paper_vehicle).shape == (2,)

@@ -16,7 +16,7 @@ from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_w
 from freqrail.reduction.chains import chain_system
 from freqrail.solver import residues, solve
 from freqrail.solver import solution as the_solution
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "whole_axis.json").read_text())
 NAMES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke", "wheelset_acceleration")
@@ -67,7 +67,7 @@ def test_closed_form_and_quadrature_agree_on_the_paper_grid(paper_vehicle, germa
     names = tuple(
         name for name in RESPONSES if name != "wheelset_acceleration"
     )  # whose tail the quadrature only bounds
-    study = Problem(vehicles, np.array([20.0, 100, 250, 600]) * KMH, german_low, None, names)
+    study = half_vehicle_problem(vehicles, np.array([20.0, 100, 250, 600]) * KMH, german_low, None, names)
     squares = residues.whole_axis_mean_squares(vehicles, names, german_low, study.speed)
     for index in np.ndindex(3, 3):
         own = solve._own_quadrature(study, index)
@@ -109,7 +109,7 @@ def test_nothing_happens_where_two_poles_merge(paper_vehicle, german_low, merger
     chain, changes, joint, low, high = MERGERS[merger]
     vehicle = replace(paper_vehicle, **changes)
     vehicle = replace(vehicle, **{joint: scale * critical(vehicle, joint, chain, low, high)})
-    study = Problem(vehicle, np.array([250 * KMH]), german_low, None, NAMES[:4])
+    study = half_vehicle_problem(vehicle, np.array([250 * KMH]), german_low, None, NAMES[:4])
     squares, own = (
         residues.whole_axis_mean_squares(vehicle, study.names, german_low, study.speed),
         solve._own_quadrature(study, ()),
@@ -195,7 +195,7 @@ def test_the_closed_form_is_for_rational_spectra(paper_vehicle):
 def test_nothing_happens_where_a_vehicle_pole_meets_a_track_pole(paper_vehicle, german_low):
     """77.84414 km/h on the paper's case, and a hair beside: quadrature does not know that anything is special there."""
     offsets = np.array([-2e-3, -1e-3, -1e-5, -1e-8, 0, 1e-9, 1e-6, 1e-4, 1.1e-3])
-    study = Problem(paper_vehicle, 77.84414 * (1 + offsets) * KMH, german_low, None, NAMES[:4])
+    study = half_vehicle_problem(paper_vehicle, 77.84414 * (1 + offsets) * KMH, german_low, None, NAMES[:4])
     squares = residues.whole_axis_mean_squares(paper_vehicle, study.names, german_low, study.speed)
     own = solve._own_quadrature(study, ())
     for name in study.names:
@@ -230,7 +230,7 @@ def test_cutoffs_may_be_equal_or_nearly_so(paper_vehicle, cutoff, apart):
     """The residues at both grow without bound and cancel; quadrature does not know of them."""
     track = RationalSpectrum("rational", 4.032e-7, (cutoff * (1 - apart), cutoff * (1 + apart)))
     for vehicle in (paper_vehicle, paper_vehicle.traditional()):
-        study = Problem(vehicle, np.array([100, 250]) * KMH, track, None, NAMES[:4])
+        study = half_vehicle_problem(vehicle, np.array([100, 250]) * KMH, track, None, NAMES[:4])
         squares, own = (
             residues.whole_axis_mean_squares(vehicle, study.names, track, study.speed),
             solve._own_quadrature(study, ()),
@@ -243,10 +243,12 @@ def test_cutoffs_may_be_equal_or_nearly_so(paper_vehicle, cutoff, apart):
 def test_equal_cutoffs_have_all_responses(paper_vehicle):
     """Also the wheelsets' acceleration, whose tail no quadrature reaches."""
     track = RationalSpectrum("rational", 4.032e-7, (0.5, 0.5))
-    solution = solve.solve(Problem(paper_vehicle, np.array([20, 250]) * KMH, track, None, tuple(RESPONSES)))
+    solution = solve.solve(
+        half_vehicle_problem(paper_vehicle, np.array([20, 250]) * KMH, track, None, tuple(RESPONSES))
+    )
     assert np.all(solution.method == the_solution.METHOD.index("closed_form"))
     beside = RationalSpectrum("rational", 4.032e-7, (0.499, 0.501))
-    other = solve.solve(Problem(paper_vehicle, np.array([20, 250]) * KMH, beside, None, tuple(RESPONSES)))
+    other = solve.solve(half_vehicle_problem(paper_vehicle, np.array([20, 250]) * KMH, beside, None, tuple(RESPONSES)))
     for name in RESPONSES:
         assert solution.rms[name] == pytest.approx(other.rms[name], rel=5e-3)
 
@@ -295,7 +297,7 @@ HEAVY_ON_SOFT_JOINTS = {
 def test_a_residue_that_rounding_spoils_is_found_out(paper_vehicle, german_low, change, speed):
     """Soft secondary joints, slow and fast overdamped poles: the estimate covers the error, the grid mends it."""
     vehicle = replace(paper_vehicle, **change)
-    study = Problem(vehicle, np.array([speed * KMH]), german_low, None, NAMES[:4])
+    study = half_vehicle_problem(vehicle, np.array([speed * KMH]), german_low, None, NAMES[:4])
     squares = residues.whole_axis_mean_squares(vehicle, study.names, german_low, study.speed)
     own, solution = solve._own_quadrature(study, ()), solve.solve(study)
     for name in study.names:

@@ -24,7 +24,7 @@ from freqrail.solver import quadrature as solver_quadrature
 from freqrail.solver import residues
 from freqrail.solver import solution as the_solution
 from freqrail.solver import solve as solver_solve
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from tests.helpers import (
     ALL_NAMES,
     PAPER_NAMES,
@@ -47,7 +47,9 @@ def solve(
     spectrum: RationalSpectrum = TRACK,
     jobs: int = 1,
 ) -> the_solution.Solution:
-    return solver_solve.solve(Problem(vehicle, np.asarray(speeds, dtype=float), spectrum, band, names), jobs)
+    return solver_solve.solve(
+        half_vehicle_problem(vehicle, np.asarray(speeds, dtype=float), spectrum, band, names), jobs
+    )
 
 
 def assert_ok(solution: the_solution.Solution) -> None:
@@ -155,7 +157,7 @@ def in_blocks_of(
     monkeypatch.setattr(solver_solve, "BLOCK", block)
     monkeypatch.setattr(solver_solve, "CLOSED_FORM_BLOCK", block * speeds.size)
     done: list[int] = []
-    study = Problem(vehicle, speeds, TRACK, band, PAPER_NAMES)
+    study = half_vehicle_problem(vehicle, speeds, TRACK, band, PAPER_NAMES)
     return solver_solve.solve(study, jobs, done.append), len(done)
 
 
@@ -246,7 +248,7 @@ def test_a_bit_that_depended_on_the_cut_would_be_seen(table_i, monkeypatch, size
 @pytest.mark.parametrize("band", BANDS)
 def test_progress_counts_every_point_once(corners, band):
     done: list[int] = []
-    study = Problem(corners, np.array([30.0, 60.0, 80.0]), TRACK, band, PAPER_NAMES)
+    study = half_vehicle_problem(corners, np.array([30.0, 60.0, 80.0]), TRACK, band, PAPER_NAMES)
     solver_solve.solve(study, jobs=2, progress=done.append)
     assert sum(done) == np.prod(study.shape) == 18
 
@@ -611,7 +613,7 @@ def test_the_time_of_a_sweep_is_that_of_its_first_block_times_the_blocks(paper_v
         secondary_joint_stiffness=joints[:, None],
         bogie_mass=np.linspace(500, 700, 10),
     )
-    study = Problem(many, np.linspace(30, 80, 100), TRACK, band, PAPER_NAMES)
+    study = half_vehicle_problem(many, np.linspace(30, 80, 100), TRACK, band, PAPER_NAMES)
     assert solver_solve.seconds(study) == 6.0 * parts
     assert solver_solve.seconds(study, jobs=3) == 2.0 * parts
 
@@ -682,7 +684,7 @@ def test_a_vehicle_that_shared_nodes_serve_badly_anywhere_gets_its_own(paper_veh
 def test_quadrature_on_the_whole_axis_owns_up_to_the_tail(paper_vehicle):
     """The wheelsets' acceleration has one: the bound is not below what is missing, nor a hundred times above it."""
     vehicle, names = paper_vehicle.traditional(), ("wheelset_acceleration",)
-    study = Problem(vehicle, np.array([30.0, 60.0]), TRACK, None, names)
+    study = half_vehicle_problem(vehicle, np.array([30.0, 60.0]), TRACK, None, names)
     exact = residues.whole_axis_mean_squares(vehicle, names, TRACK, study.speed)[names[0]].value
     own = solver_solve._own_quadrature(study, ())[names[0]]
     missing = exact - own.value
@@ -736,9 +738,11 @@ def test_a_spectrum_is_repeated_along_axes_that_its_response_does_not_feel(paper
     """The car body does not feel the bogies' pitch."""
     many = replace(paper_vehicle, bogie_pitch_inertia=np.linspace(600, 900, 4))
     names, frequency = ("car_body_acceleration", "primary_stroke"), np.array([1.0, 5.0])
-    found = solver_solve.psd(Problem(many, np.array([60.0]), TRACK, PAPER_BAND, names), frequency)
+    found = solver_solve.psd(half_vehicle_problem(many, np.array([60.0]), TRACK, PAPER_BAND, names), frequency)
     for index in np.ndindex(many.shape):
-        alone = solver_solve.psd(Problem(many.at(index), np.array([60.0]), TRACK, PAPER_BAND, names), frequency)
+        alone = solver_solve.psd(
+            half_vehicle_problem(many.at(index), np.array([60.0]), TRACK, PAPER_BAND, names), frequency
+        )
         for name in names:
             np.testing.assert_allclose(found[name][:, *index], alone[name], rtol=1e-12)
 
@@ -757,7 +761,7 @@ def test_a_tabulated_spectrum_is_integrated_between_its_kinks(paper_vehicle):
     points, values = np.array([0.02, 0.1, 0.6, 2.5, 8.0]), np.array([3e-4, 9e-5, 2e-7, 6e-9, 1e-10])
     table = TabulatedSpectrum("measured", tuple(points), tuple(values))
     speed, names = 180 * KMH, ("car_body_acceleration", "primary_stroke")
-    solution = solver_solve.solve(Problem(paper_vehicle, np.array([speed]), table, None, names))
+    solution = solver_solve.solve(half_vehicle_problem(paper_vehicle, np.array([speed]), table, None, names))
     assert np.all(solution.status == 0)
     x, w = np.polynomial.legendre.leggauss(400)
     ends = points * speed

@@ -20,7 +20,7 @@ from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum
 from freqrail.model.vehicle import Vehicle
 from freqrail.solver import panels, quadrature, residues, solve
 from freqrail.solver.partial_fractions import own_resonances
-from freqrail.solver.problem import Problem
+from freqrail.solver.problem import half_vehicle_problem
 from freqrail.solver.solution import METHOD
 from tests.helpers import PAPER_NAMES
 
@@ -33,7 +33,7 @@ EPSILON = np.finfo(float).eps
 def study(
     vehicle: Vehicle, speeds: object, band: Band | None = FREQUENCY, names=PAPER_NAMES, spectrum=TRACK
 ) -> Problem:
-    return Problem(vehicle, np.atleast_1d(np.asarray(speeds, dtype=float)), spectrum, band, names)
+    return half_vehicle_problem(vehicle, np.atleast_1d(np.asarray(speeds, dtype=float)), spectrum, band, names)
 
 
 def poles_of(of: Problem) -> np.ndarray:
