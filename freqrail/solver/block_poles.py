@@ -207,6 +207,19 @@ def expand(reduction: Reduction, values: Values) -> dict[int, Expansion]:
     return {index: _expand(block, some, reduction.lengths, values) for index, block, some in used(bases(reduction))}
 
 
+def at_poles(
+    block: Block, lengths: Lengths, values: Values, poles: Complex, weight: Array
+) -> tuple[Complex, dict[str, Number]]:
+    """Poles [grid..., k] one after the other, -1 where there is none, and the values of each one's vehicle."""
+    grid = poles.shape
+    own = {
+        name: np.repeat(np.broadcast_to(v, grid[:-1]).ravel(), grid[-1]) if np.ndim(v) else v
+        for name, v in values.items()
+        if name in block.parameters or _within(np.shape(v), grid[:-1])
+    }
+    return np.where(weight > 0, poles, -1.0 + 0j).ravel(), own
+
+
 def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: Values) -> Expansion:
     raw = poles(block, lengths, values)
     rows = [entry for scalar in some.values() for entry in lengths.evaluate(scalar.row, values)]
@@ -217,12 +230,7 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     order = np.argsort(-weight, axis=-1, kind="stable")[..., :count]
     weight, upper = (np.take_along_axis(x, order, axis=-1) for x in (weight, raw))
     grid = upper.shape
-    p = np.where(weight > 0, upper, -1.0 + 0j).ravel()
-    own = {
-        name: np.repeat(np.broadcast_to(v, grid[:-1]).ravel(), count) if np.ndim(v) else v
-        for name, v in values.items()
-        if name in block.parameters or _within(np.shape(v), grid[:-1])
-    }
+    p, own = at_poles(block, lengths, values, upper, weight)
     p, found = polished(block, lengths, own, p)
     for places in clusters(p.reshape(-1, count), (weight > 0).reshape(-1, count)).values():
         p, found = together(block, lengths, own, p, found, places)

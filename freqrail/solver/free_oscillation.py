@@ -162,9 +162,7 @@ def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: NDArray) ->
             {law: error for law, (_, error) in matrix.slopes.items()},
         )
     )
-    uncertain = ROUNDED * EPSILON * _product(np.abs(matrix.k), np.abs(z))
-    diagonal = np.diagonal(matrix.k, axis1=-2, axis2=-1)[:, n:]
-    uncertain[:, n:] += of_law.T * np.abs(diagonal * z[:, n:])
+    uncertain = uncertainty(block, matrix, z)
     errors = (_product(np.abs(carried), uncertain) + EPSILON * np.abs(z)) * scale
     x, f = np.split((z * scale).T, [n])
     x_errors, f_errors = np.split(errors.T, [n])
@@ -190,6 +188,23 @@ def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: NDArray) ->
         -_total((z * _product(matrix.k, z)).T) / slope,
         _total((np.abs(z) * uncertain).T) / np.abs(slope),
     )
+
+
+def uncertainty(block: Block, matrix: _Matrix, z: Complex) -> Array:
+    """What rounding leaves in the equations K z = 0, scaled: [n, unknowns]."""
+    n = block.size
+    result = ROUNDED * EPSILON * _product(np.abs(matrix.k), np.abs(z))
+    diagonal = np.diagonal(matrix.k, axis1=-2, axis2=-1)[:, n:]
+    of_law = np.array([np.broadcast_to(matrix.slopes[strut.law][1], matrix.s.shape) for strut in block.struts])
+    result[:, n:] += of_law.T * np.abs(diagonal * z[:, n:])
+    return result
+
+
+def null_vectors(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple[_Matrix, Complex, NDArray]:
+    """(K, z, G) at poles [n], scaled."""
+    matrix = _matrix(block, lengths, values, p)
+    start = np.broadcast_to(_start(1, matrix.k.shape[-1]), (p.size, matrix.k.shape[-1]))
+    return matrix, *_null_vector(block, matrix, start)
 
 
 def real_parts(block: Block, values: Values, p: Complex, found: Oscillation) -> tuple[Array, Array]:
@@ -243,7 +258,7 @@ def _nearer(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple
 
 def _step(block: Block, matrix: _Matrix, z: Complex) -> Complex:
     """Towards the pole, rad/s."""
-    slope = _total((np.square(z) * _derivative(block, matrix)).T)
+    slope = _total((np.square(z) * derivative(block, matrix)).T)
     return np.asarray(-_total((z * _product(matrix.k, z)).T) / slope)
 
 
@@ -278,7 +293,7 @@ def together(
         good = np.isfinite(space).all(axis=(-2, -1), keepdims=True)
         space = np.linalg.qr(np.where(good, space, np.eye(unknowns, m)))[0]
         start = np.conj(np.swapaxes(space, 1, 2))
-    by_s = _derivative(block, middle)
+    by_s = derivative(block, middle)
     t = np.swapaxes(space, 1, 2) @ (by_s[:, :, None] * space)
     s = np.swapaxes(space, 1, 2) @ (middle.k @ space)
     good = (np.isfinite(t) & np.isfinite(s)).all(axis=(-2, -1), keepdims=True)
@@ -308,7 +323,7 @@ def together(
     return p, _replaced(found, flat, _oscillation(block, last, *_refined(block, before, last, z, carried)))
 
 
-def _derivative(block: Block, matrix: _Matrix) -> Complex:
+def derivative(block: Block, matrix: _Matrix) -> Complex:
     """The diagonal of K', scaled, [n, unknowns]: K is diagonal but for constants."""
     mass = [2 * matrix.s * m for m in matrix.inertia]
     struts = [matrix.slopes[strut.law][0] * np.square(matrix.laws[strut.law]) for strut in block.struts]

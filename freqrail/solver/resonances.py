@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
-from freqrail.reduction.columns import Reduction
-from freqrail.solver.block_poles import FAR, LIGHT, Expansion, expand
+from freqrail.reduction.columns import Reduction, Scalar
+from freqrail.solver.block_poles import EPSILON, FAR, LIGHT, Expansion, at_poles, bases, expand
 from freqrail.solver.block_response import parts_of
+from freqrail.solver.free_oscillation import derivative, null_vectors, uncertainty
 from freqrail.types import Number
 
 Array = NDArray[np.float64]
@@ -45,11 +47,17 @@ def resonances(reduction: Reduction, values: Values, sample: bool = False) -> di
     sample: where the eigenvalues of a vehicle cannot tell a peak's width, its poles are taken for unknown. Without it
     they are counted by the determinant, which takes longer.
     """
-    with np.errstate(all="ignore"):
-        return {
-            index: _resonances(each, _known(reduction, index, values, each, sample))
-            for index, each in expand(reduction, values).items()
-        }
+    found = _tables(reduction, values, sample)
+    return {index: _told(each, ...) for index, each in found.items()}
+
+
+def resonances_of_each(reduction: Reduction, values: Values, count: int) -> list[dict[int, Resonances]]:
+    """The same of each of `count` vehicles, whose values are floats or arrays [count]."""
+    found = _tables(reduction, values, False)
+    return [
+        {index: _told(each, slice(v, v + 1) if each.poles.ndim > 1 else ...) for index, each in found.items()}
+        for v in range(count)
+    ]
 
 
 def every_pole(found: Mapping[int, Resonances]) -> NDArray[np.complex128]:
@@ -57,21 +65,90 @@ def every_pole(found: Mapping[int, Resonances]) -> NDArray[np.complex128]:
     return np.concatenate([each.poles for each in found.values()])
 
 
-def _resonances(each: Expansion, known: NDArray[np.bool_]) -> Resonances:
-    finite = np.isfinite(each.raw).all(axis=-1)
-    here = (each.weight > 0) & finite[..., None]
+@dataclass(frozen=True)
+class _Table:
+    """Of a block's vehicles: what `Resonances` has, [grid..., k], and which poles there are; finite: [grid...]."""
+
+    poles: NDArray[np.complex128]
+    known: NDArray[np.bool_]
+    shift: Array
+    errors: dict[int, Array]
+    there: NDArray[np.bool_]
+    finite: NDArray[np.bool_]
+
+
+def _told(table: _Table, some: Any) -> Resonances:
+    finite = table.finite[some]
+    here = table.there[some] & finite[..., None]
     nothing = np.full(int(np.sum(~finite)), np.nan)
-
-    def told(values: NDArray) -> NDArray:
-        return np.append(values[here], nothing)
-
-    errors = {k: np.nan_to_num(rounding / np.abs(each.residues[k])) for k, rounding in each.rounding.items()}
     return Resonances(
-        told(each.poles),
-        told(np.where(known, 1.0, 0.0)) == 1,
-        told(each.shift),
-        {k: told(error) for k, error in errors.items()},
+        np.append(table.poles[some][here], nothing),
+        np.append(table.known[some][here], nothing == 0),
+        np.append(table.shift[some][here], nothing),
+        {k: np.append(error[some][here], nothing) for k, error in table.errors.items()},
     )
+
+
+def _tables(reduction: Reduction, values: Values, sample: bool) -> dict[int, _Table]:
+    result = {}
+    plain = bases(reduction)
+    with np.errstate(all="ignore"):
+        for index, each in expand(reduction, values).items():
+            some = {k: plain.scalars[k] for k in each.residues}
+            shift, errors = _sensitivities(reduction, index, some, values, each)
+            result[index] = _Table(
+                each.poles,
+                _known(reduction, index, values, each, sample),
+                shift,
+                errors,
+                each.weight > 0,
+                np.asarray(np.isfinite(each.raw).all(axis=-1)),
+            )
+    return result
+
+
+def _sensitivities(
+    reduction: Reduction, index: int, some: Mapping[int, Scalar], values: Values, each: Expansion
+) -> tuple[Array, dict[int, Array]]:
+    """What changes in the last digits of a block's matrix make of its peaks, relative: [grid..., k].
+
+    (shift of the poles, changes of the residues of scalars). With z the null vector, G of `free_oscillation.inverse` and
+    r = (c^T z)(b^T z)/(z^T K' z), a change dK moves the pole by dp = -z^T dK z/(z^T K' z) and
+
+        d log r = -(w - kappa z)^T dK z,  w = G (c/c^T z + b/b^T z - 2 K' z/(z^T K' z)),  kappa = w^T K' z/(z^T K' z),
+
+    but for the change of K' itself. Normalising z cancels in it.
+    """
+    block, grid = reduction.blocks[index], each.poles.shape
+    p, own = at_poles(block, reduction.lengths, values, each.poles, each.weight)
+    matrix, z, carried = null_vectors(block, reduction.lengths, own, p)
+    uncertain = uncertainty(block, matrix, z)
+    by_s = derivative(block, matrix)
+    slope = np.sum(by_s * np.square(z), axis=-1)
+    size = np.sum(np.abs(by_s * np.square(z)), axis=-1)
+    shift = np.sum(np.abs(z) * uncertain, axis=-1) / np.abs(slope * p)
+    of_laws = np.array([np.broadcast_to(matrix.slopes[strut.law][1], p.shape) for strut in block.struts])
+    direct = np.sum(np.abs(by_s * np.square(z))[:, block.size :] * of_laws.T, axis=-1) / np.abs(slope)
+    direct = direct * (1 + shift / EPSILON) + 4 * EPSILON * size / np.abs(slope)
+    errors = {}
+    for k, scalar in some.items():
+        c = np.zeros(z.shape, complex)
+        if scalar.quantity == "displacement":
+            for i, entry in enumerate(reduction.lengths.evaluate(scalar.row, own)):
+                c[:, i] = entry * matrix.scale[:, i]
+        else:
+            c[:, block.size + scalar.of] = matrix.scale[:, block.size + scalar.of]
+        b = np.zeros(z.shape, complex)
+        b[:, block.size + scalar.strut] = 1.0
+        v = c / np.sum(c * z, axis=-1)[:, None] + b / np.sum(b * z, axis=-1)[:, None] - 2 * by_s * z / slope[:, None]
+        w = np.einsum("nij,nj->ni", carried, v)
+        kappa = np.sum(w * by_s * z, axis=-1) / slope
+        error = np.sum(np.abs(w - kappa[:, None] * z) * uncertain, axis=-1) + direct
+        if scalar.quantity != "displacement":
+            error = error + of_laws[scalar.of]
+        residue = each.residues[k].ravel()
+        errors[k] = np.where(residue == 0, 0.0, error).reshape(grid)
+    return shift.reshape(grid), errors
 
 
 def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sample: bool) -> NDArray[np.bool_]:

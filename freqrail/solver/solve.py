@@ -29,13 +29,15 @@ from freqrail.solver.block_poles import poles
 from freqrail.solver.block_response import column
 from freqrail.solver.panels import SharedPanels, own_edges, rounding_errors, shared_panels, speed_groups
 from freqrail.solver.problem import Problem, cells, cells_by_geometry
-from freqrail.solver.resonances import every_pole, resonances
+from freqrail.solver.quadrature import MeanSquare
+from freqrail.solver.resonances import Resonances, every_pole, resonances, resonances_of_each
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE, Solution
 from freqrail.types import Progress
 
 REFINE_ABOVE = 1e-8  # a shared-node result whose estimate exceeds this is computed anew with nodes of its own
 CLOSED_FORM_BLOCK = 51_200  # grid points of a block in closed form
 BLOCK = 256  # vehicles whose sums over the nodes are held at once: few enough to stay in the cache
+TOGETHER = 64  # vehicles with nodes of their own whose resonances are found together
 OWN_NODES = 500  # of a single vehicle, at once
 PSD_BLOCK = 250_000  # vehicles x speeds x frequencies of a block of spectra
 
@@ -93,7 +95,7 @@ def _solve_in_closed_form(study: Problem, solution: Solution, jobs: int, progres
     _run(partial(_improve, study, solution), _inaccurate(study, solution), jobs)
 
 
-def _closed_form(study: Problem) -> dict[str, quadrature.MeanSquare]:
+def _closed_form(study: Problem) -> dict[str, MeanSquare]:
     return block_residues.whole_axis_mean_squares(study.reduction, study.values, study.spectrum, study.speed)
 
 
@@ -111,8 +113,9 @@ def _inaccurate(study: Problem, solution: Solution) -> list[tuple[int, ...]]:
 def _improve(study: Problem, solution: Solution, index: tuple[int, ...]) -> None:
     """Quadrature for one vehicle, kept for the responses and speeds where its error estimates are the smaller ones."""
     alone = study.at(index)
-    for speeds in speed_groups(alone, every_pole(resonances(alone.reduction, alone.values))):
-        squares = _own_quadrature(replace(alone, speed=study.speed[speeds]))
+    found = resonances(alone.reduction, alone.values)
+    for speeds in speed_groups(alone, every_pole(found)):
+        squares = _own_quadrature(replace(alone, speed=study.speed[speeds]), found)
         own = {name: _root(square) for name, square in squares.items()}
         at: tuple[Any, ...] = (slice(None), *index, speeds)
         for name, (root, error) in own.items():
@@ -145,20 +148,24 @@ def _solve_by_quadrature(
         worst = np.max([np.max(e, axis=(0, -1)) for e in solution.relative_error.values()], axis=0)
         own = [tuple(map(int, i)) for i in np.argwhere(~(worst <= REFINE_ABOVE))]
 
-    def alone(index: tuple[int, ...]) -> None:
-        squares = _own_quadrature(study.at(index))
-        cell = tuple(slice(i, i + 1) for i in index)
-        together = {
-            name: quadrature.MeanSquare(
-                *(np.expand_dims(x, tuple(range(1, 1 + len(index)))) for x in (m.value, m.error))
-            )
-            for name, m in squares.items()
-        }
-        _store(solution, cell, together, "own_quadrature")
-        if shared.edges is None:
-            progress(study.speed.size)
+    def each(some: list[tuple[int, ...]]) -> None:
+        for index, found in zip(some, _resonances_of_each(study, some), strict=True):
+            squares = _own_quadrature(study.at(index), found)
+            cell = tuple(slice(i, i + 1) for i in index)
+            inside = tuple(range(1, 1 + len(index)))
+            wide = {k: MeanSquare(*(np.expand_dims(x, inside) for x in (m.value, m.error))) for k, m in squares.items()}
+            _store(solution, cell, wide, "own_quadrature")
+            if shared.edges is None:
+                progress(study.speed.size)
 
-    _run(alone, own, jobs)
+    _run(each, [own[k : k + TOGETHER] for k in range(0, len(own), TOGETHER)], jobs)
+
+
+def _resonances_of_each(study: Problem, some: list[tuple[int, ...]]) -> list[dict[int, Resonances]]:
+    """Of the vehicles at some indices of the grid."""
+    places, shape = tuple(np.array(some).reshape(len(some), -1).T), study.vehicles
+    values = {k: np.broadcast_to(v, shape)[places] if np.ndim(v) else v for k, v in study.values.items()}
+    return resonances_of_each(study.reduction, values, len(some))
 
 
 def _weighted_nodes(
@@ -169,21 +176,20 @@ def _weighted_nodes(
     return list(weighted_nodes(study.reduction, places, study.spectrum, rule, study.speed, study.limits, most))
 
 
-def _own_quadrature(study: Problem) -> dict[str, quadrature.MeanSquare]:
+def _own_quadrature(study: Problem, found: dict[int, Resonances]) -> dict[str, MeanSquare]:
     """Mean squares of a single vehicle at every speed with nodes placed for it alone, and denser: [labels, speeds]."""
-    found = resonances(study.reduction, study.values)
     rounding = rounding_errors(study, found)
     labels = _labels(study)
     hopeless = {name for name in study.names if not np.any(rounding[name] / 2 <= TOLERANCE)}
     if hopeless and np.isfinite(every_pole(found)).all():
         rest = study.only(tuple(name for name in study.names if name not in hopeless))
-        squares = _own_quadrature(rest) if rest.names else {}
+        squares = _own_quadrature(rest, found) if rest.names else {}
         zero = {name: np.zeros((labels[name], study.speed.size)) for name in hopeless}
-        return squares | {name: quadrature.MeanSquare(each, each + np.inf) for name, each in zero.items()}
+        return squares | {name: MeanSquare(each, each + np.inf) for name, each in zero.items()}
     edges = own_edges(study, every_pole(found))
     if edges is None:
         nothing = {name: np.full((count, study.speed.size), np.nan) for name, count in labels.items()}
-        return {k: quadrature.MeanSquare(v, v) for k, v in nothing.items()}
+        return {k: MeanSquare(v, v) for k, v in nothing.items()}
     rule = quadrature.quadrature(edges)
     nodes = _weighted_nodes(study, (), rule, OWN_NODES)
     squares = block_quadrature.mean_squares(study.reduction, study.values, nodes, rounding)
@@ -223,7 +229,10 @@ def seconds(study: Problem, jobs: int = 1) -> float:
 
 def _group_seconds(study: Problem, shared: SharedPanels) -> float:
     if shared.edges is None:
-        return math.prod(study.vehicles) * _timed(lambda: _own_quadrature(study.at((0,) * len(study.vehicles))))
+        first = study.at((0,) * len(study.vehicles))
+        return math.prod(study.vehicles) * _timed(
+            lambda: _own_quadrature(first, resonances(first.reduction, first.values))
+        )
     rule = quadrature.quadrature(shared.edges)
     geometry, group = next(iter(cells_by_geometry(study, BLOCK)))
     nodes = _weighted_nodes(study, geometry, rule, quadrature.NODES)
@@ -238,14 +247,14 @@ def _timed(task: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def _root(square: quadrature.MeanSquare) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _root(square: MeanSquare) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """RMS and its relative error; the root halves a relative error."""
     with np.errstate(invalid="ignore", divide="ignore"):
         # what the track does not move is exactly 0
         return np.sqrt(square.value), np.where(square.error > 0, square.error / square.value / 2, square.error)
 
 
-def _store(solution: Solution, cell: tuple[slice, ...], squares: dict[str, quadrature.MeanSquare], method: str) -> None:
+def _store(solution: Solution, cell: tuple[slice, ...], squares: dict[str, MeanSquare], method: str) -> None:
     for name, square in squares.items():
         root, error = _root(square)
         solution.rms[name][(slice(None), *cell)] = root
