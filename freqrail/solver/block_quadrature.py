@@ -60,14 +60,20 @@ def mean_squares(
     columns = [(name, each) for name, some in reduction.columns.items() for each in some]
     sums: list[Array] = []
     nodes = list(nodes)
-    exact = unsound(reduction, values, np.concatenate([part.omega for part in nodes]))
+    exact = unsound(reduction, values, np.concatenate([part.omega for part in nodes if np.isrealobj(part.omega)]))
     spread = column(values)
     for part in nodes:
         if not sums:
             sums = [np.zeros((2, tiles, tile, part.kronrod.shape[-1])) for _ in columns]
-        omega, size = part.omega, part.omega.size
+        omega, size = part.omega, part.kronrod.shape[1]
         with np.errstate(all="ignore"):
-            products = Products(scalars(reduction, spread, 1j * omega, -np.square(omega), exact))
+            here = scalars(reduction, spread, 1j * omega, -np.square(omega), exact)
+            if np.iscomplexobj(omega):  # beside the axis, see `solver.detours`
+                products: Products | PairProducts = PairProducts(
+                    here.values(), scalars(reduction, spread, -1j * omega, -np.square(omega), exact).values()
+                )
+            else:
+                products = Products(here)
         padded = np.zeros((tiles, tile, size))
         target = padded.reshape(tiles * tile, size)[:rows].reshape(*grid, size)
         spare = np.empty((*grid, size))
@@ -172,6 +178,26 @@ class Products:
         for other in others:
             self._product(*other, spare)
             out += spare
+
+
+class PairProducts:
+    """Products of scalars at s, off the axis, and at -s: X_i(s) X_j(-s) is X_i X_j* on it.
+
+    The mean of both ways round has the column's power as its real part on the axis. Real parts come first along the
+    nodes, then imaginary ones.
+    """
+
+    def __init__(self, here: list[Number], mirrored: list[Number]) -> None:
+        self.here, self.mirrored = here, mirrored
+
+    def power(self, each: Column, out: Array, spare: Array) -> None:
+        """A column's power, into an array [grid..., 2 x nodes]; spare is not used."""
+        total: Number = 0.0
+        for i, j, part, factor in each.powers:
+            one, other = np.multiply(self.here[i], self.mirrored[j]), np.multiply(self.here[j], self.mirrored[i])
+            total = total + factor / 2 * (other + one if part == "re" else other - one)
+        count = out.shape[-1] // 2
+        out[..., :count], out[..., count:] = np.real(total), np.imag(total)
 
 
 def _modulus2(z: Number) -> Number:

@@ -15,6 +15,7 @@ cancel, though their sum is smooth. There the value is interpolated from vehicle
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,11 +24,13 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Bending, Dashpot, Law, Values
 from freqrail.model.spectrum import RationalSpectrum, Spectrum
-from freqrail.reduction.columns import Reduction
+from freqrail.reduction.columns import Column, Reduction
 from freqrail.solver.block_poles import Array, Expansion
 from freqrail.solver.block_quadrature import shape_of
 from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, track_terms
+from freqrail.solver.detours import Detour, is_sharp
 from freqrail.solver.quadrature import MeanSquare
+from freqrail.solver.resonances import is_lost
 from freqrail.solver.residues import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.types import Number
 
@@ -60,6 +63,68 @@ def whole_axis_mean_squares(
         error = np.sum([abs(weight) * part[name].error for weight, part in parts], axis=0)
         shape = (value.shape[0], *grid, value.shape[-1])
         result[name] = MeanSquare(value.reshape(shape), error.reshape(shape))
+    return result
+
+
+def around_mean_squares(
+    reduction: Reduction,
+    values: Values,
+    spectrum: RationalSpectrum,
+    speed: Array,
+    around: tuple[Detour, ...],
+    limits: Array,
+) -> dict[str, MeanSquare]:
+    """What the poles in the rectangles of detours add to mean squares over bands, limits [2, m] in rad/s.
+
+    Other arguments and the result are as of `whole_axis_mean_squares`. The error is inf for vehicles with a sharp peak
+    in the band that is in no rectangle, whose poles merge, or whose eigenvalues cannot tell a peak's width.
+    """
+    rows = [(name, each) for name, some in reduction.columns.items() for each in some]
+    products = products_of(rows)
+    with np.errstate(all="ignore"):
+        distances = distances_of(reduction, values)
+        lags = distances.factors[..., [each.lag for _, each in rows], :]
+        blocks = read_blocks(reduction, values)
+        loss = losses_of(reduction, rows, blocks)
+        totals, errors = np.zeros((2, *shape_of(values), len(rows), speed.size))
+        unsure: dict[int, NDArray[np.bool_]] = {}
+        for index, block in blocks.items():
+            each = block.expansion
+            held = functools.reduce(np.logical_or, [detour.holds(each.poles) for detour in around]) & (each.weight > 1)
+            frequency = np.abs(each.poles.imag)
+            within = (frequency > np.min(limits[0])) & (frequency < np.max(limits[1])) & (each.weight > 1)
+            missed = np.any(within & is_sharp(each.poles) & ~held, axis=-1) | ~np.isfinite(each.raw).all(axis=-1)
+            merging = np.any(held & (each.defect < DEFECT), axis=-1)
+            unsure[index] = missed | merging | np.any(is_lost(each.raw), axis=-1)
+            own = [product for product in products if reduction.scalars[product.x].block == index]
+            if own and np.any(held):
+                taken = np.where(held, each.weight, 0.0)
+                value, error = pole_terms(
+                    blocks, index, own, len(rows), reduction, lags, distances, loss, spectrum, speed, taken
+                )
+                totals += value
+                errors += error
+    result = _of_outputs(reduction, rows, totals, errors)
+    for name, square in result.items():
+        for index in reduction.blocks_in(name):
+            square.error[:, np.broadcast_to(unsure[index], square.error.shape[1:-1])] = np.inf
+    return result
+
+
+def _of_outputs(
+    reduction: Reduction, rows: list[tuple[str, Column]], totals: Array, errors: Array
+) -> dict[str, MeanSquare]:
+    """Outputs [labels, grid..., speeds] from their columns, totals and errors [grid..., rows, speeds]."""
+    result = {}
+    for output in reduction.outputs:
+        value, error = np.zeros((2, len(output.taps), *totals.shape[:-2], totals.shape[-1]))
+        for row, (name, each) in enumerate(rows):
+            if name == output.name:
+                for label, weight in enumerate(each.weights):
+                    if weight:
+                        value[label] += weight * totals[..., row, :]
+                        error[label] += abs(weight) * errors[..., row, :]
+        result[output.name] = MeanSquare(value, np.where(np.isnan(error), np.inf, error))
     return result
 
 
@@ -154,16 +219,7 @@ def _sum_of_residues(
     for value, error in track_terms(reduction, values, blocks, products, lags, distances, spectrum, speed):
         totals += value
         errors += error
-    result = {}
-    for output in reduction.outputs:
-        value, error = np.zeros((2, len(output.taps), *shape))
-        for row, (name, each) in enumerate(rows):
-            if name == output.name:
-                for label, weight in enumerate(each.weights):
-                    if weight:
-                        value[label] += weight * totals[..., row, :]
-                        error[label] += abs(weight) * errors[..., row, :]
-        result[output.name] = MeanSquare(value, np.where(np.isnan(error), np.inf, error))
+    result = _of_outputs(reduction, rows, totals, errors)
     singular = _singular([block.expansion for block in blocks.values()], spectrum, speed)
     return result, np.broadcast_to(singular, shape)
 

@@ -7,7 +7,9 @@ matrix product. All of it depends on the grid alone, never on how that is cut in
 from __future__ import annotations
 
 import bisect
+import functools
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from freqrail.model.spectrum import RationalSpectrum, kinks, singular_points
 from freqrail.model.system import evaluate
 from freqrail.solver import quadrature
+from freqrail.solver.detours import Detour, detours, is_sharp, panels_kept
 from freqrail.solver.problem import Problem
 from freqrail.solver.quadrature import EPSILON
 from freqrail.solver.resonances import Resonances, every_pole, resonances
@@ -24,7 +27,6 @@ from freqrail.solver.resonances import Resonances, every_pole, resonances
 SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
 SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
 SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
-SHARPEST_SHARED = 0.01  # damping ratio below which every vehicle's poles must be known to place shared nodes
 WHOLE_AXIS_END = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
 GROUP_NODES, GROUP_SPEEDS = 2000, 500  # up to so many nodes, speeds of any range are taken together, and so many
 LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may take: about a second
@@ -36,12 +38,14 @@ class SharedPanels:
     """Panel edges [n + 1] in rad/s that serve every vehicle of a grid, None if each needs its own.
 
     speeds: [m], which of the grid's speeds they are for. rounding_errors: `quadrature.rounding` of each response,
-    {name: [m]}. They depend on the whole grid: a part of it takes those of the whole, and so gets the same bits.
+    {name: [m]}. detours: ways around sharp peaks, where the edges do not count. They depend on the whole grid: a part
+    of it takes those of the whole, and so gets the same bits.
     """
 
     speeds: NDArray[np.intp]
     edges: NDArray[np.float64] | None
     rounding_errors: Mapping[str, NDArray[np.float64]]
+    detours: tuple[Detour, ...] = ()
 
 
 def in_closed_form(study: Problem) -> bool:
@@ -60,8 +64,12 @@ def shared_panels(study: Problem) -> tuple[SharedPanels, ...]:
     return tuple(_shared(sample, group, found, all_known) for group in groups)
 
 
-def rounding_errors(study: Problem, found: Mapping[int, Resonances]) -> dict[str, NDArray[np.float64]]:
+def rounding_errors(
+    study: Problem, found: Mapping[int, Resonances], around: tuple[Detour, ...] = ()
+) -> dict[str, NDArray[np.float64]]:
     """What rounding leaves of each output [speeds], by the resonances of the blocks that it is read off.
+
+    around: detours, on which no node comes near the peaks that they go around.
 
     inf where a resonance inside the band may have been missed. The lags' phases are known to the rounding of the
     highest frequency times the longest lag.
@@ -77,7 +85,8 @@ def rounding_errors(study: Problem, found: Mapping[int, Resonances]) -> dict[str
         errors = np.concatenate(
             [np.max([error for k, error in each.errors.items() if k in scalars], axis=0) for each in blocks]
         )
-        result[name] = quadrature.rounding(poles, study.limits, shift, errors) + phase
+        near = ~functools.reduce(operator.or_, [each.holds(poles) for each in around], np.zeros(poles.shape, bool))
+        result[name] = quadrature.rounding(poles[near], study.limits, shift[near], errors[near]) + phase
         if not all(each.known.all() for each in blocks):
             result[name] = np.full_like(result[name], np.inf)
     return result
@@ -91,19 +100,31 @@ def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[int, Resona
         return SharedPanels(speeds, None, {})  # the bound of what lies beyond is each vehicle's own
     first, lag = first_edges(study, resonances), _longest_lag(study)
     inside = (np.abs(resonances.imag) > first[0]) & (np.abs(resonances.imag) < first[-1])
-    if not all_known and np.any(inside & (np.abs(resonances.real) < SHARPEST_SHARED * np.abs(resonances.imag))):
-        # between the vehicles sampled, such a peak could pass through the nodes
-        return SharedPanels(speeds, None, {})
     if np.any(inside & ~np.concatenate([each.known for each in found.values()])):
         return SharedPanels(speeds, None, {})
+    around = _detours(study, resonances, lag)
+    if around is None:
+        if not all_known and np.any(inside & is_sharp(resonances)):
+            # between the vehicles sampled, such a peak could pass through the nodes
+            return SharedPanels(speeds, None, {})
+        around = ()
+    first = np.union1d(first, [end for each in around for end in (each.low, each.high)])
     outside_too = {index: replace(each, known=np.full(each.poles.shape, True)) for index, each in found.items()}
-    rounding = rounding_errors(study, outside_too)
+    rounding = rounding_errors(study, outside_too, around)
     most = min(max(SHARED_NODES, 3 * _fewest_nodes(study, resonances)), SHARED_WEIGHTS / speeds.size)
     if quadrature.fewest_nodes(first, lag) > most:
         return SharedPanels(speeds, None, rounding)
     everything = np.concatenate([resonances, singular_points(study.spectrum, study.speed)])
     edges = quadrature.panel_edges(first, everything, lag)
-    return SharedPanels(speeds, edges if (edges.size - 1) * quadrature.PANEL_NODES <= most else None, rounding)
+    shared = panels_kept(edges, around) * quadrature.PANEL_NODES <= most
+    return SharedPanels(speeds, edges if shared else None, rounding, around)
+
+
+def _detours(study: Problem, resonances: NDArray[np.complex128], lag: float) -> tuple[Detour, ...] | None:
+    """Ways around the sharp peaks of a grid; none where there are none, None where there is no way."""
+    if not isinstance(study.spectrum, RationalSpectrum) or not all(law.rational for law in study.reduction.system.laws):
+        return None
+    return detours(resonances, study.limits, lag)
 
 
 def speed_groups(study: Problem, resonances: NDArray[np.complex128]) -> list[NDArray[np.intp]]:

@@ -160,6 +160,7 @@ def quadrature(edges: NDArray[np.float64]) -> Quadrature:
 class WeightedNodes:
     """Some nodes of a rule: omega [n] rad/s, and lag functions times the track's density and the weights.
 
+    omega is complex on the way around a peak, see `detours`, and the weights are twice as many.
     kronrod: [lags, n, speeds]. gauss: the same for the embedded rule, None if it has none of these nodes.
     """
 

@@ -155,14 +155,14 @@ def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sa
     """Whether a block's poles are known, [grid..., k]."""
     known = ~each.lost
     shape = each.raw.shape[:-1]
-    for place in np.argwhere(np.any(_sharp(each.raw), axis=-1)):
+    for place in np.argwhere(np.any(is_lost(each.raw), axis=-1)):
         at = tuple(map(int, place))
         own = {name: float(np.broadcast_to(v, shape)[at]) if np.ndim(v) else v for name, v in values.items()}
         known[at] &= not sample and _complete(reduction, index, own, _all_of(each, at))
     return known
 
 
-def _sharp(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+def is_lost(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
     """Eigenvalues [..., n] whose real parts, the widths of their peaks, may be lost in the rounding of the largest."""
     largest = np.max(np.where(np.abs(poles) < 2 * FAR, np.abs(poles), 0.0), axis=-1, keepdims=True, initial=0.0)
     return np.asarray(np.abs(poles.real) < ROUNDED_BELOW * largest)

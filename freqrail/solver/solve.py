@@ -27,6 +27,7 @@ from freqrail.solver import block_quadrature, block_residues, quadrature
 from freqrail.solver.block_lags import places_of, transfer, weighted_nodes
 from freqrail.solver.block_poles import poles
 from freqrail.solver.block_response import column
+from freqrail.solver.detours import weighted_detours, without
 from freqrail.solver.panels import SharedPanels, own_edges, rounding_errors, shared_panels, speed_groups
 from freqrail.solver.problem import Problem, cells, cells_by_geometry
 from freqrail.solver.quadrature import MeanSquare
@@ -134,13 +135,12 @@ def _solve_by_quadrature(
     if shared.edges is None:
         own = list(np.ndindex(study.vehicles))
     else:
-        rule = quadrature.quadrature(shared.edges)
         for geometry, group in cells_by_geometry(study, BLOCK):
-            nodes = _weighted_nodes(study, geometry, rule, quadrature.NODES)
+            nodes = _shared_nodes(study, geometry, shared)
 
             def together(cell: tuple[slice, ...], nodes: list[quadrature.WeightedNodes] = nodes) -> None:
                 part = study.cut(cell)
-                block = block_quadrature.mean_squares(part.reduction, part.values, nodes, shared.rounding_errors)
+                block = _by_shared_nodes(part, nodes, shared)
                 _store(solution, cell, block, "shared_quadrature")
                 progress(part.points)
 
@@ -159,6 +159,31 @@ def _solve_by_quadrature(
                 progress(study.speed.size)
 
     _run(each, [own[k : k + TOGETHER] for k in range(0, len(own), TOGETHER)], jobs)
+
+
+def _shared_nodes(study: Problem, geometry: tuple[int, ...], shared: SharedPanels) -> list[quadrature.WeightedNodes]:
+    """Weighted nodes on the axis and on detours, for the wheels' places of the vehicle at an index."""
+    rule = without(quadrature.quadrature(np.asarray(shared.edges)), shared.detours)
+    nodes = _weighted_nodes(study, geometry, rule, quadrature.NODES)
+    if shared.detours:
+        values = study.at(geometry).values if geometry else study.values
+        nodes += weighted_detours(study.reduction, values, study.spectrum, shared.detours, study.speed)
+    return nodes
+
+
+def _by_shared_nodes(
+    study: Problem, nodes: list[quadrature.WeightedNodes], shared: SharedPanels
+) -> dict[str, MeanSquare]:
+    squares = block_quadrature.mean_squares(study.reduction, study.values, nodes, shared.rounding_errors)
+    if not shared.detours:
+        return squares
+    added = block_residues.around_mean_squares(
+        study.reduction, study.values, study.spectrum, study.speed, shared.detours, study.limits
+    )
+    return {
+        name: MeanSquare(square.value + added[name].value, square.error + added[name].error)
+        for name, square in squares.items()
+    }
 
 
 def _resonances_of_each(study: Problem, some: list[tuple[int, ...]]) -> list[dict[int, Resonances]]:
@@ -233,11 +258,10 @@ def _group_seconds(study: Problem, shared: SharedPanels) -> float:
         return math.prod(study.vehicles) * _timed(
             lambda: _own_quadrature(first, resonances(first.reduction, first.values))
         )
-    rule = quadrature.quadrature(shared.edges)
     geometry, group = next(iter(cells_by_geometry(study, BLOCK)))
-    nodes = _weighted_nodes(study, geometry, rule, quadrature.NODES)
+    nodes = _shared_nodes(study, geometry, shared)
     part = study.cut(group[0])
-    once = _timed(lambda: block_quadrature.mean_squares(part.reduction, part.values, nodes))
+    once = _timed(lambda: _by_shared_nodes(part, nodes, shared))
     return once * study.points / part.points
 
 
