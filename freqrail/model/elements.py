@@ -43,6 +43,11 @@ class Law:
         """Whether D is a rational function of s: a law in time, with poles. Others need s = i omega."""
         return True
 
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Frequencies where D(i omega) is not smooth, rad/s."""
+        return ()
+
     def quotient(self, values: Values, s: Number) -> tuple[Number, Number]:
         """(n, d) with D = n/d: finite, never both zero."""
         raise NotImplementedError
@@ -282,6 +287,10 @@ class Tabulated(_Irrational):
     def names(self) -> tuple[str, ...]:
         return (self.name,)
 
+    @property
+    def knots(self) -> tuple[float, ...]:
+        return self.frequencies
+
     def _measured(self, s: Number) -> NDArray[np.complex128]:
         omega, table = np.imag(s), np.array(self.stiffnesses)
         real, imaginary = (np.interp(omega, self.frequencies, part) for part in (table.real, table.imag))
@@ -308,6 +317,10 @@ class _Compound(Law):
     @property
     def rational(self) -> bool:
         return all(part.rational for part in self.parts)
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        return tuple(knot for part in self.parts for knot in part.knots)
 
 
 @dataclass(frozen=True)

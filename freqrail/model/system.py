@@ -86,6 +86,11 @@ class System:
         return tuple(dict.fromkeys(law for _, law in self.rows))
 
     @property
+    def rational(self) -> bool:
+        """Whether all laws are."""
+        return all(law.rational for law in self.laws)
+
+    @property
     def rows(self) -> tuple[tuple[Leg | Wheel, Law], ...]:
         """Legs, then wheels, with their laws."""
         return (*((leg, leg.law) for leg in self.legs), *((wheel, wheel.contact) for wheel in self.wheels))

@@ -100,7 +100,7 @@ def places_of(reduction: Reduction, values: Values, index: tuple[int, ...] = ())
 def transfer(
     reduction: Reduction, values: Values, omega: Array, speed: Array
 ) -> dict[str, list[NDArray[np.complex128]]]:
-    """T(i omega) of every output's labels per metre of track under the place 0 of the vehicle, [grid..., speeds, n] each.
+    """T(i omega) of every output's labels per metre of track under the vehicle's place 0, [grid..., speeds, n] each.
 
     The wheels' responses are summed with their lags before any modulus is taken. omega: [n] rad/s. speed: [m] m/s.
     What depends on few axes of the grid spans only these. An output that the track does not move is 0.

@@ -40,9 +40,10 @@ class Expansion:
     one, 0 where a vehicle has fewer than k; then pole and residues mean nothing. residues: {scalar: [grid..., k]}.
     rounding: {scalar: [grid..., k]}, their possible errors, the real part's of a light pole included. defect: [grid...,
     k], the slope z^T K' z over the sizes of its terms, 0 where two poles have become one. light: [grid..., k], lightly
-    damped. shift: [grid..., k], possible relative errors of the poles. lost: [grid..., k], one that no polishing found, that
-    a vehicle cannot have, or whose real part rounding leaves open. states: number of states, as many as poles with their conjugates for any vehicle.
-    raw: [grid..., states] rad/s, all eigenvalues as computed, those of missing states at -2 `FAR`.
+    damped. shift: [grid..., k], possible relative errors of the poles. lost: [grid..., k], one that no polishing found,
+    that a vehicle cannot have, or whose real part rounding leaves open. states: number of states, as many as poles with
+    their conjugates for any vehicle. raw: [grid..., states] rad/s, all eigenvalues as computed, those of missing states
+    at -2 `FAR`.
     """
 
     poles: Complex
@@ -207,8 +208,15 @@ def expand(reduction: Reduction, values: Values) -> dict[int, Expansion]:
     return {index: _expand(block, some, reduction.lengths, values) for index, block, some in used(bases(reduction))}
 
 
+def expansion(reduction: Reduction, index: int, values: Values) -> Expansion:
+    """Partial fractions of one block."""
+    plain = bases(reduction)
+    some = {k: x for k, x in enumerate(plain.scalars) if x.block == index}
+    return _expand(reduction.blocks[index], some, reduction.lengths, values)
+
+
 def at_poles(
-    block: Block, lengths: Lengths, values: Values, poles: Complex, weight: Array
+    block: Block, lengths: Lengths, values: Values, poles: Complex, weight: NDArray
 ) -> tuple[Complex, dict[str, Number]]:
     """Poles [grid..., k] one after the other, -1 where there is none, and the values of each one's vehicle."""
     grid = poles.shape
@@ -243,17 +251,18 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     lost = ~((shift < UNSURE) & (p.real <= 0) & (peak < SURE))
     residues, rounding, constants = {}, {}, {}
     for k, scalar in some.items():
+        row, factor, of_factor = np.zeros(found.z.shape), 1.0, 0.0
         if scalar.quantity == "displacement":
-            entries = [np.asarray(entry) for entry in lengths.evaluate(scalar.row, own)]
-            u = sum(np.multiply(entry, x) for entry, x in zip(entries, found.x, strict=True))
-            u_error = sum(np.multiply(np.abs(entry), x) for entry, x in zip(entries, found.x_errors, strict=True))
-        else:
-            u, u_error = found.e[scalar.of], found.e_errors[scalar.of]
-        f, f_error = found.f[scalar.strut], found.f_errors[scalar.strut]
-        residue = np.multiply(u, f) / found.slope
-        own_error = (u_error * np.abs(f) + np.abs(u) * f_error) / np.abs(found.slope)
+            for i, entry in enumerate(lengths.evaluate(scalar.row, own)):
+                row[:, i] = entry
+        else:  # an elongation: its force times the law's compliance
+            row[:, block.size + scalar.of] = 1.0
+            factor, of_factor = found.compliances[scalar.of], found.of_laws[scalar.of]
+        residue, error = found.residue(row, scalar.strut)
+        residue, error = factor * residue, np.abs(factor) * error
         residues[k] = residue.reshape(grid)
-        rounding[k] = ((own_error + np.abs(residue) * found.slope_error) * off + np.abs(residue) * peak).reshape(grid)
+        error = error * off + np.abs(residue) * ((found.slope_error + of_factor) * off + peak)
+        rounding[k] = error.reshape(grid)
         constants[k] = -1.0 if scalar.quantity == "elongation" and scalar.of == scalar.strut else 0.0
     return Expansion(
         np.where(weight > 0, p.reshape(grid), np.where(np.isnan(upper), np.nan, -1.0)),

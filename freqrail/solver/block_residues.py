@@ -30,8 +30,8 @@ from freqrail.solver.block_quadrature import shape_of
 from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, track_terms
 from freqrail.solver.detours import Detour, is_sharp
 from freqrail.solver.quadrature import MeanSquare
-from freqrail.solver.resonances import is_lost
 from freqrail.solver.residues import MEETING, MERGING, SPREAD, SUPPORT, spread
+from freqrail.solver.resonances import is_lost
 from freqrail.types import Number
 
 DEFECT = 0.05  # slope of a pole over its terms below which a pole near it may be merging with it

@@ -12,7 +12,7 @@ On the sides F is smooth. Only for spectra and laws that are rational.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,7 @@ from freqrail.model.elements import Values
 from freqrail.model.spectrum import RationalSpectrum, angular_psd
 from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_terms import distances_of
-from freqrail.solver.quadrature import PANEL_NODES, PANEL_PHASE, POLE_DISTANCE, Quadrature, WeightedNodes, quadrature
+from freqrail.solver.quadrature import PANEL_PHASE, POLE_DISTANCE, Quadrature, WeightedNodes, quadrature
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -32,7 +32,12 @@ SHARP = 0.01
 
 BESIDE = 0.2  # a rectangle reaches this far beyond the frequencies of its peaks, relatively
 NEAREST = 0.02  # and keeps at least this far from the band's edges, or none is drawn
-WIDTHS = (0.2, 0.1, 0.4, 0.05)  # of rectangles, relative to their frequencies, of which the one with fewest panels is taken
+WIDTHS = (
+    0.2,
+    0.1,
+    0.4,
+    0.05,
+)  # of rectangles, relative to their frequencies, of which the one with fewest panels is taken
 MOST_PANELS = 60  # of a rectangle's sides
 
 

@@ -31,6 +31,16 @@ Complex = NDArray[np.complex128]
 STEP = 0.1  # longest step of the polishing, relative to the pole
 FOUND = 16 * EPSILON  # relative distance from a pole below which it is found
 CLOSE = 1e-4  # poles closer than this, relatively, are found together
+BY_ELEMENT = (
+    "x",
+    "f",
+    "e",
+    "x_errors",
+    "f_errors",
+    "e_errors",
+    "compliances",
+    "of_laws",
+)  # fields of an oscillation with poles along axis 1
 ROUNDED = 4.0  # roundings in an entry of K, a product with it and a sum
 
 
@@ -40,7 +50,9 @@ class Oscillation:
 
     z: [n, unknowns]. x: [coordinates, n] m or rad. f, e: [struts, n] N and m. The *_errors of these are absolute.
     slope: z^T K' z, slope_error relative; size: the sum of its terms' sizes. step: how far the pole still is, rad/s,
-    shift: how far rounding may move it.
+    shift: how far rounding may move it. For what becomes of residues: scale [n, unknowns], by_s, the diagonal of K',
+    uncertain, what rounding leaves in K z = 0, and carried [n, unknowns, unknowns], how far it carries, all scaled.
+    compliances, of_laws: [struts, n], 1/D and its relative error.
     """
 
     z: Complex
@@ -55,6 +67,32 @@ class Oscillation:
     size: Array
     step: Complex
     shift: Array
+    scale: Array
+    by_s: Complex
+    uncertain: Array
+    carried: NDArray
+    compliances: Complex
+    of_laws: Array
+
+    def residue(self, row: NDArray, strut: int) -> tuple[Complex, Array]:
+        """(u f/(z^T K' z), its error by rounding), [n]: u = row z, row [n, unknowns], and f the strut's force.
+
+        What is computed is the exact residue r of a matrix K + dK with |dK| |z| below `uncertain`. With G `carried` and b
+        the row of f, the pole moves by dp = -z^T dK z/(z^T K' z), and but for the change of K' itself
+
+            dr = -(w - kappa z)^T dK z/(z^T K' z),  w = G (f row + u b - 2 r K' z),  kappa = w^T K' z/(z^T K' z).
+
+        How z is normalised cancels in it.
+        """
+        z, by_s, slope = self.z, self.by_s, self.slope
+        c, place = row * self.scale, self.x.shape[0] + strut
+        u, f = _total((c * z).T), self.scale[:, place] * z[:, place]
+        result = u * f / slope
+        v = f[:, None] * c - 2 * result[:, None] * by_s * z
+        v[:, place] += u * self.scale[:, place]
+        w = _product(self.carried, v)
+        kappa = _total((w * by_s * z).T) / slope
+        return result, _total((np.abs(w - kappa[:, None] * z) * self.uncertain).T) / np.abs(slope)
 
 
 @dataclass(frozen=True)
@@ -172,8 +210,10 @@ def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: NDArray) ->
     mass = each(matrix.inertia)
     terms = np.concatenate([2 * p * mass * np.square(x), by_s * np.square(e)])
     slope, size = _total(terms), _total(np.abs(terms))
-    slope_error = _total(4 * np.abs(p) * mass * np.abs(x) * x_errors) + 4 * EPSILON * size
-    slope_error = slope_error + _total(np.abs(by_s) * np.abs(e) * (2 * e_errors + np.abs(e) * of_law))
+    shift = _total((np.abs(z) * uncertain).T) / np.abs(slope)
+    # of K' itself: by the laws' slopes, as D and as the pole are off
+    of_slopes = _total(np.abs(by_s * np.square(e)) * of_law) * (1 + shift / np.abs(p) / EPSILON)
+    slope_error = of_slopes + 4 * EPSILON * size
     return Oscillation(
         z,
         x,
@@ -186,7 +226,13 @@ def _oscillation(block: Block, matrix: _Matrix, z: Complex, carried: NDArray) ->
         slope_error / np.abs(slope),
         size,
         -_total((z * _product(matrix.k, z)).T) / slope,
-        _total((np.abs(z) * uncertain).T) / np.abs(slope),
+        shift,
+        scale,
+        derivative(block, matrix),
+        uncertain,
+        carried,
+        compliance,
+        of_law,
     )
 
 
@@ -198,13 +244,6 @@ def uncertainty(block: Block, matrix: _Matrix, z: Complex) -> Array:
     of_law = np.array([np.broadcast_to(matrix.slopes[strut.law][1], matrix.s.shape) for strut in block.struts])
     result[:, n:] += of_law.T * np.abs(diagonal * z[:, n:])
     return result
-
-
-def null_vectors(block: Block, lengths: Lengths, values: Values, p: Complex) -> tuple[_Matrix, Complex, NDArray]:
-    """(K, z, G) at poles [n], scaled."""
-    matrix = _matrix(block, lengths, values, p)
-    start = np.broadcast_to(_start(1, matrix.k.shape[-1]), (p.size, matrix.k.shape[-1]))
-    return matrix, *_null_vector(block, matrix, start)
 
 
 def real_parts(block: Block, values: Values, p: Complex, found: Oscillation) -> tuple[Array, Array]:
@@ -358,7 +397,7 @@ def _replaced(found: Oscillation, places: NDArray[np.intp], part: Oscillation) -
     result = {}
     for name, value in vars(found).items():
         value = value.copy()
-        value[(..., places) if value.ndim > 1 and name != "z" else places] = getattr(part, name)
+        value[(..., places) if name in BY_ELEMENT else places] = getattr(part, name)
         result[name] = value
     return Oscillation(**result)
 

@@ -49,8 +49,8 @@ class SharedPanels:
 
 
 def in_closed_form(study: Problem) -> bool:
-    """Whether a study needs no nodes: the whole axis below a rational spectrum."""
-    return study.band is None and isinstance(study.spectrum, RationalSpectrum)
+    """Whether a study needs no nodes: the whole axis, spectrum and laws rational."""
+    return study.band is None and isinstance(study.spectrum, RationalSpectrum) and study.reduction.system.rational
 
 
 def shared_panels(study: Problem) -> tuple[SharedPanels, ...]:
@@ -83,7 +83,10 @@ def rounding_errors(
         poles = np.concatenate([each.poles for each in blocks])
         shift = np.concatenate([each.shift for each in blocks])
         errors = np.concatenate(
-            [np.max([error for k, error in each.errors.items() if k in scalars], axis=0) for each in blocks]
+            [
+                functools.reduce(np.maximum, [e for k, e in each.errors.items() if k in scalars], each.shift)
+                for each in blocks
+            ]
         )
         near = ~functools.reduce(operator.or_, [each.holds(poles) for each in around], np.zeros(poles.shape, bool))
         result[name] = quadrature.rounding(poles[near], study.limits, shift[near], errors[near]) + phase
@@ -122,7 +125,7 @@ def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[int, Resona
 
 def _detours(study: Problem, resonances: NDArray[np.complex128], lag: float) -> tuple[Detour, ...] | None:
     """Ways around the sharp peaks of a grid; none where there are none, None where there is no way."""
-    if not isinstance(study.spectrum, RationalSpectrum) or not all(law.rational for law in study.reduction.system.laws):
+    if not isinstance(study.spectrum, RationalSpectrum) or not study.reduction.system.rational:
         return None
     return detours(resonances, study.limits, lag)
 
@@ -166,7 +169,9 @@ def first_edges(study: Problem, resonances: NDArray[np.complex128]) -> NDArray[n
     limits = study.limits
     ends = np.where(np.isinf(limits), WHOLE_AXIS_END * np.max(np.abs(resonances.imag), initial=1.0), limits)
     points = kinks(study.spectrum, study.speed)
-    return np.unique(np.concatenate([ends.ravel(), points[(points > limits[0]) & (points < limits[1])]]))
+    knots = np.array([knot for law in study.reduction.system.laws for knot in law.knots])
+    knots = knots[(knots > np.min(ends)) & (knots < np.max(ends))]
+    return np.unique(np.concatenate([ends.ravel(), points[(points > limits[0]) & (points < limits[1])], knots]))
 
 
 def _fewest_nodes(study: Problem, resonances: NDArray[np.complex128]) -> float:

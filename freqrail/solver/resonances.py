@@ -14,15 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
-from freqrail.reduction.columns import Reduction, Scalar
-from freqrail.solver.block_poles import EPSILON, FAR, LIGHT, Expansion, at_poles, bases, expand
-from freqrail.solver.block_response import parts_of
-from freqrail.solver.free_oscillation import derivative, null_vectors, uncertainty
+from freqrail.reduction.blocks import Block
+from freqrail.reduction.columns import Reduction
+from freqrail.reduction.forms import Lengths
+from freqrail.solver.block_poles import FAR, LIGHT, Expansion, expansion
+from freqrail.solver.block_response import parts_of, used
+from freqrail.solver.frozen_laws import resonances_frozen
 from freqrail.types import Number
 
 Array = NDArray[np.float64]
 
 ROUNDED_BELOW = 1e-9  # of the largest eigenvalue: real parts smaller than this are not taken from eigenvalues
+BESIDE = 0.01  # relative distance of poles up to which their peaks are taken for overlapping
 SAME = 1e-6  # relative error of a product of poles up to which it counts as known
 
 
@@ -91,15 +94,17 @@ def _told(table: _Table, some: Any) -> Resonances:
 
 def _tables(reduction: Reduction, values: Values, sample: bool) -> dict[int, _Table]:
     result = {}
-    plain = bases(reduction)
     with np.errstate(all="ignore"):
-        for index, each in expand(reduction, values).items():
-            some = {k: plain.scalars[k] for k in each.residues}
-            shift, errors = _sensitivities(reduction, index, some, values, each)
+        for index, block, _ in used(reduction):
+            if not all(strut.law.rational for strut in block.struts):
+                result[index] = _irrational(block, reduction.lengths, values)
+                continue
+            each = expansion(reduction, index, values)
+            errors = {k: _relative(rounding, each.residues[k], each) for k, rounding in each.rounding.items()}
             result[index] = _Table(
                 each.poles,
                 _known(reduction, index, values, each, sample),
-                shift,
+                each.shift,
                 errors,
                 each.weight > 0,
                 np.asarray(np.isfinite(each.raw).all(axis=-1)),
@@ -107,48 +112,23 @@ def _tables(reduction: Reduction, values: Values, sample: bool) -> dict[int, _Ta
     return result
 
 
-def _sensitivities(
-    reduction: Reduction, index: int, some: Mapping[int, Scalar], values: Values, each: Expansion
-) -> tuple[Array, dict[int, Array]]:
-    """What changes in the last digits of a block's matrix make of its peaks, relative: [grid..., k].
+def _relative(rounding: Array, residues: NDArray[np.complex128], each: Expansion) -> Array:
+    """Errors of residues relative to what a peak is among those that it overlaps with, [grid..., k].
 
-    (shift of the poles, changes of the residues of scalars). With z the null vector, G of `free_oscillation.inverse` and
-    r = (c^T z)(b^T z)/(z^T K' z), a change dK moves the pole by dp = -z^T dK z/(z^T K' z) and
-
-        d log r = -(w - kappa z)^T dK z,  w = G (c/c^T z + b/b^T z - 2 K' z/(z^T K' z)),  kappa = w^T K' z/(z^T K' z),
-
-    but for the change of K' itself. Normalising z cancels in it.
+    A peak's mean square is in proportion to |residue|^2/|Re p|; of two side by side the lower one counts for less.
     """
-    block, grid = reduction.blocks[index], each.poles.shape
-    p, own = at_poles(block, reduction.lengths, values, each.poles, each.weight)
-    matrix, z, carried = null_vectors(block, reduction.lengths, own, p)
-    uncertain = uncertainty(block, matrix, z)
-    by_s = derivative(block, matrix)
-    slope = np.sum(by_s * np.square(z), axis=-1)
-    size = np.sum(np.abs(by_s * np.square(z)), axis=-1)
-    shift = np.sum(np.abs(z) * uncertain, axis=-1) / np.abs(slope * p)
-    of_laws = np.array([np.broadcast_to(matrix.slopes[strut.law][1], p.shape) for strut in block.struts])
-    direct = np.sum(np.abs(by_s * np.square(z))[:, block.size :] * of_laws.T, axis=-1) / np.abs(slope)
-    direct = direct * (1 + shift / EPSILON) + 4 * EPSILON * size / np.abs(slope)
-    errors = {}
-    for k, scalar in some.items():
-        c = np.zeros(z.shape, complex)
-        if scalar.quantity == "displacement":
-            for i, entry in enumerate(reduction.lengths.evaluate(scalar.row, own)):
-                c[:, i] = entry * matrix.scale[:, i]
-        else:
-            c[:, block.size + scalar.of] = matrix.scale[:, block.size + scalar.of]
-        b = np.zeros(z.shape, complex)
-        b[:, block.size + scalar.strut] = 1.0
-        v = c / np.sum(c * z, axis=-1)[:, None] + b / np.sum(b * z, axis=-1)[:, None] - 2 * by_s * z / slope[:, None]
-        w = np.einsum("nij,nj->ni", carried, v)
-        kappa = np.sum(w * by_s * z, axis=-1) / slope
-        error = np.sum(np.abs(w - kappa[:, None] * z) * uncertain, axis=-1) + direct
-        if scalar.quantity != "displacement":
-            error = error + of_laws[scalar.of]
-        residue = each.residues[k].ravel()
-        errors[k] = np.where(residue == 0, 0.0, error).reshape(grid)
-    return shift.reshape(grid), errors
+    present = each.weight > 0
+    power = np.where(present, np.square(np.abs(residues)) / np.abs(each.poles.real), 0.0)
+    near = np.abs(each.poles[..., :, None] - each.poles[..., None, :]) < BESIDE * np.abs(each.poles[..., :, None])
+    highest = np.max(np.where(near, power[..., None, :], 0.0), axis=-1)
+    wrong = np.abs(residues) * rounding / np.abs(each.poles.real)
+    return np.where(present & (highest > 0), wrong / highest, 0.0)
+
+
+def _irrational(block: Block, lengths: Lengths, values: Values) -> _Table:
+    found = resonances_frozen(block, lengths, values)
+    there, nothing = found.imag > 0, np.zeros(found.shape)
+    return _Table(found, np.isfinite(found), nothing, {}, there, np.ones(found.shape[:-1], dtype=bool))
 
 
 def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sample: bool) -> NDArray[np.bool_]:

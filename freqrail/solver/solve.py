@@ -26,7 +26,6 @@ from freqrail.model.spectrum import frequency_psd
 from freqrail.solver import block_quadrature, block_residues, quadrature
 from freqrail.solver.block_lags import places_of, transfer, weighted_nodes
 from freqrail.solver.block_poles import poles
-from freqrail.solver.block_response import column
 from freqrail.solver.detours import weighted_detours, without
 from freqrail.solver.panels import SharedPanels, own_edges, rounding_errors, shared_panels, speed_groups
 from freqrail.solver.problem import Problem, cells, cells_by_geometry
