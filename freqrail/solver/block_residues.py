@@ -69,7 +69,7 @@ def whole_axis_mean_squares(
 def around_mean_squares(
     reduction: Reduction,
     values: Values,
-    spectrum: RationalSpectrum,
+    spectrum: Spectrum,
     speed: Array,
     around: tuple[Detour, ...],
     limits: Array,
@@ -79,6 +79,8 @@ def around_mean_squares(
     Other arguments and the result are as of `whole_axis_mean_squares`. The error is inf for vehicles with a sharp peak
     in the band that is in no rectangle, whose poles merge, or whose eigenvalues cannot tell a peak's width.
     """
+    if not isinstance(spectrum, RationalSpectrum):
+        raise TypeError(f"detours are for rational spectra (got {type(spectrum).__name__})")
     rows = [(name, each) for name, some in reduction.columns.items() for each in some]
     products = products_of(rows)
     with np.errstate(all="ignore"):

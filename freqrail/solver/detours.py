@@ -12,6 +12,7 @@ On the sides F is smooth. Only for spectra and laws that are rational.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
-from freqrail.model.spectrum import RationalSpectrum, angular_psd
+from freqrail.model.spectrum import Spectrum, angular_psd
 from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_terms import distances_of
 from freqrail.solver.quadrature import PANEL_PHASE, POLE_DISTANCE, Quadrature, WeightedNodes, quadrature
@@ -104,7 +105,7 @@ def _shortest(low: float, high: float, poles: Complex, longest_lag: float) -> De
         width = relative * (low + high) / 2
         corners = [1j * low, 1j * low - width, 1j * high - width, 1j * high]
         edges = [np.array([corners[0]])]
-        for start, end in zip(corners[:-1], corners[1:], strict=True):
+        for start, end in itertools.pairwise(corners):
             side = _panels(start, end, everything, longest_lag)
             if side is None:
                 break
@@ -153,7 +154,7 @@ def panels_kept(edges: Array, around: tuple[Detour, ...]) -> int:
 
 
 def weighted_detours(
-    reduction: Reduction, values: Values, spectrum: RationalSpectrum, around: tuple[Detour, ...], speed: Array
+    reduction: Reduction, values: Values, spectrum: Spectrum, around: tuple[Detour, ...], speed: Array
 ) -> Iterator[WeightedNodes]:
     """The nodes of detours, with weights as of `block_lags.weighted_nodes`, twice: of real parts, then of imaginary.
 
@@ -176,6 +177,6 @@ def weighted_detours(
             yield WeightedNodes(rule.omega[part], _real_and_imaginary(weighted), embedded)
 
 
-def _real_and_imaginary(waves: Complex) -> Array:
+def _real_and_imaginary(waves: NDArray) -> Array:
     """Weights of the real parts of powers [lags, 2 n, speeds], then of the imaginary ones: Re(P W)."""
     return np.concatenate([waves.real, -waves.imag], axis=1)

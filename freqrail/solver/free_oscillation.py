@@ -77,8 +77,8 @@ class Oscillation:
     def residue(self, row: NDArray, strut: int) -> tuple[Complex, Array]:
         """(u f/(z^T K' z), its error by rounding), [n]: u = row z, row [n, unknowns], and f the strut's force.
 
-        What is computed is the exact residue r of a matrix K + dK with |dK| |z| below `uncertain`. With G `carried` and b
-        the row of f, the pole moves by dp = -z^T dK z/(z^T K' z), and but for the change of K' itself
+        What is computed is the exact residue r of a matrix K + dK with |dK| |z| below `uncertain`. With G `carried` and
+        b the row of f, the pole moves by dp = -z^T dK z/(z^T K' z), and but for the change of K' itself
 
             dr = -(w - kappa z)^T dK z/(z^T K' z),  w = G (f row + u b - 2 r K' z),  kappa = w^T K' z/(z^T K' z).
 

@@ -1,8 +1,8 @@
 """Resonances of blocks with laws that are not rational: hysteretic, fractional, tabulated.
 
-Such a block has no eigenvalue problem. But around one frequency a law acts as a spring Re D beside a dashpot Im D/omega;
-with its laws frozen so the block has eigenvalues, and a resonance is one whose own frequency the laws are frozen at. It
-tells where peaks lie and how wide they are, which is all that quadrature needs to know.
+Such a block has no eigenvalue problem. But around one frequency a law acts as a spring Re D beside a dashpot Im
+D/omega; with its laws frozen so the block has eigenvalues, and a resonance is one whose own frequency the laws are
+frozen at. It tells where peaks lie and how wide they are, which is all that quadrature needs to know.
 """
 
 from __future__ import annotations

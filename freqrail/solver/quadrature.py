@@ -141,7 +141,7 @@ def fewest_nodes(edges: NDArray[np.float64], longest_lag: float) -> float:
     return PANEL_NODES * float(edges[-1] - edges[0]) * longest_lag / PANEL_PHASE
 
 
-def quadrature(edges: NDArray[np.float64]) -> Quadrature:
+def quadrature(edges: NDArray) -> Quadrature:
     """The Gauss-Kronrod rule on every panel between consecutive edges [n + 1], rad/s."""
     half_x, half_w = np.array(_KRONROD_X), np.array(_KRONROD_W)
     x = np.concatenate([-half_x, half_x[-2::-1]])

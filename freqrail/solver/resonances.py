@@ -1,4 +1,4 @@
-"""Resonances of the blocks as quadrature sees them: where the peaks lie, how wide they are, what rounding makes of them.
+"""Resonances of the blocks as quadrature sees them: where peaks lie, how wide they are, what rounding makes of them.
 
 An elimination with rounding is the exact one of a vehicle whose numbers differ in their last digits; what that does to
 a peak, its place and its height, `solver.free_oscillation` tells.

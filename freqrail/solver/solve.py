@@ -237,7 +237,8 @@ def psd(
             found = transfer(part.reduction, part.values, 2 * np.pi * frequency, study.speed)
             for name, labels in found.items():
                 for place, each in enumerate(labels):
-                    result[name][(place, *cell)] = (np.square(each.real) + np.square(each.imag)) * density
+                    at: tuple[Any, ...] = (place, *cell)
+                    result[name][at] = (np.square(each.real) + np.square(each.imag)) * density
             progress(part.points)
     return result
 

@@ -49,7 +49,7 @@ def peaks(plain: Plain, low: float, high: float) -> np.ndarray:
 
 
 def reference(plain: Plain, speed: float, low: float, high: float) -> dict[str, np.ndarray]:
-    """RMS of `outputs_of`, {name: [labels]}, by Gauss-Legendre panels that close in on the peaks of the dense response."""
+    """RMS of `outputs_of`, {name: [labels]}, by Gauss-Legendre panels that close in on the dense response's peaks."""
     x = places(plain)
     blunt = np.geomspace(low, high, 40) * (-0.1 + 1j)  # what is not sharp calls for panels of a tenth of a frequency
     sharp = np.concatenate([peaks(plain, low, high), blunt])
