@@ -15,7 +15,6 @@ cancel, though their sum is smooth. There the value is interpolated from vehicle
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from typing import Any
 
@@ -28,10 +27,8 @@ from freqrail.reduction.columns import Column, Reduction
 from freqrail.solver.block_poles import Array, Expansion
 from freqrail.solver.block_quadrature import shape_of
 from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, track_terms
-from freqrail.solver.detours import Detour, is_sharp
 from freqrail.solver.quadrature import MeanSquare
 from freqrail.solver.residues import MEETING, MERGING, SPREAD, SUPPORT, spread
-from freqrail.solver.resonances import is_lost
 from freqrail.types import Number
 
 DEFECT = 0.05  # slope of a pole over its terms below which a pole near it may be merging with it
@@ -66,54 +63,7 @@ def whole_axis_mean_squares(
     return result
 
 
-def around_mean_squares(
-    reduction: Reduction,
-    values: Values,
-    spectrum: Spectrum,
-    speed: Array,
-    around: tuple[Detour, ...],
-    limits: Array,
-) -> dict[str, MeanSquare]:
-    """What the poles in the rectangles of detours add to mean squares over bands, limits [2, m] in rad/s.
-
-    Other arguments and the result are as of `whole_axis_mean_squares`. The error is inf for vehicles with a sharp peak
-    in the band that is in no rectangle, whose poles merge, or whose eigenvalues cannot tell a peak's width.
-    """
-    if not isinstance(spectrum, RationalSpectrum):
-        raise TypeError(f"detours are for rational spectra (got {type(spectrum).__name__})")
-    rows = [(name, each) for name, some in reduction.columns.items() for each in some]
-    products = products_of(rows)
-    with np.errstate(all="ignore"):
-        distances = distances_of(reduction, values)
-        lags = distances.factors[..., [each.lag for _, each in rows], :]
-        blocks = read_blocks(reduction, values)
-        loss = losses_of(reduction, rows, blocks)
-        totals, errors = np.zeros((2, *shape_of(values), len(rows), speed.size))
-        unsure: dict[int, NDArray[np.bool_]] = {}
-        for index, block in blocks.items():
-            each = block.expansion
-            held = functools.reduce(np.logical_or, [detour.holds(each.poles) for detour in around]) & (each.weight > 1)
-            frequency = np.abs(each.poles.imag)
-            within = (frequency > np.min(limits[0])) & (frequency < np.max(limits[1])) & (each.weight > 1)
-            missed = np.any(within & is_sharp(each.poles) & ~held, axis=-1) | ~np.isfinite(each.raw).all(axis=-1)
-            merging = np.any(held & (each.defect < DEFECT), axis=-1)
-            unsure[index] = missed | merging | np.any(is_lost(each.raw), axis=-1)
-            own = [product for product in products if reduction.scalars[product.x].block == index]
-            if own and np.any(held):
-                taken = np.where(held, each.weight, 0.0)
-                value, error = pole_terms(
-                    blocks, index, own, len(rows), reduction, lags, distances, loss, spectrum, speed, taken
-                )
-                totals += value
-                errors += error
-    result = _of_outputs(reduction, rows, totals, errors)
-    for name, square in result.items():
-        for index in reduction.blocks_in(name):
-            square.error[:, np.broadcast_to(unsure[index], square.error.shape[1:-1])] = np.inf
-    return result
-
-
-def _of_outputs(
+def of_outputs(
     reduction: Reduction, rows: list[tuple[str, Column]], totals: Array, errors: Array
 ) -> dict[str, MeanSquare]:
     """Outputs [labels, grid..., speeds] from their columns, totals and errors [grid..., rows, speeds]."""
@@ -221,7 +171,7 @@ def _sum_of_residues(
     for value, error in track_terms(reduction, values, blocks, products, lags, distances, spectrum, speed):
         totals += value
         errors += error
-    result = _of_outputs(reduction, rows, totals, errors)
+    result = of_outputs(reduction, rows, totals, errors)
     singular = _singular([block.expansion for block in blocks.values()], spectrum, speed)
     return result, np.broadcast_to(singular, shape)
 

@@ -136,11 +136,8 @@ def pole_terms(
     loss: Array,
     spectrum: RationalSpectrum,
     speed: Array,
-    taken: Array | None = None,
 ) -> tuple[Array, Array]:
     """What the poles of a block add to every row: (value, error), [grid..., rows, speeds].
-
-    taken: weights of the poles, those of the expansion unless only some of them count.
 
     One matrix product a vehicle: coefficients [rows, parts of poles and lags] times waves [.., speeds]. Y(-p) is read
     off directly where the pole p is well damped, and comes from partial fractions where it is light, which near the
@@ -148,7 +145,6 @@ def pole_terms(
     """
     block = blocks[index]
     each, p = block.expansion, block.expansion.poles
-    counted = each.weight if taken is None else taken
     mirrors: dict[int, tuple[Complex, Array]] = {}
     paired = {product.y for product in products}
     for other in blocks.values():
@@ -156,7 +152,7 @@ def pole_terms(
         if not some:
             continue
         fractions, _ = other.expansion.fractions(some, -p)
-        weights_of = _mirror_weights(p, other.expansion)
+        weights_of = mirror_weights(p, other.expansion)
         for place, y in enumerate(some):
             wrong = _total(np.moveaxis(weights_of * other.residue_errors[y][..., None, :], -1, 0))
             mirrors[y] = (
@@ -166,7 +162,7 @@ def pole_terms(
     weights: dict[int, Number] = {}
     uncertain: dict[int, Number] = {}
     for product in products:
-        scale = product.coefficient * counted * block.factors[product.x]
+        scale = product.coefficient * each.weight * block.factors[product.x]
         residue, residue_error = each.residues[product.x], block.residue_errors[product.x]
         mirrored, wrong = mirrors[product.y]
         weights[product.row] = weights.get(product.row, 0.0) + np.multiply(np.multiply(scale, residue), mirrored)
@@ -175,7 +171,7 @@ def pole_terms(
     present = sorted(weights)
     weight = np.stack(np.broadcast_arrays(*(weights[row] for row in present)), axis=-2)
     error = np.stack(np.broadcast_arrays(*(uncertain[row] for row in present)), axis=-2)
-    weight, error = (np.where(counted[..., None, :] > 0, x, 0.0) for x in (weight, error))
+    weight, error = (np.where(each.weight[..., None, :] > 0, x, 0.0) for x in (weight, error))
     error = error + loss[..., present, None] * np.abs(weight)
     # as many terms as the block has states: BLAS picks its order of summation by the shape of the product
     weight, error = (_padded(x, each.states, -1) for x in (weight, error))
@@ -191,7 +187,7 @@ def pole_terms(
     return result[0], result[1]
 
 
-def _mirror_weights(p: Complex, other: Expansion) -> Array:
+def mirror_weights(p: Complex, other: Expansion) -> Array:
     """What an error of a residue of another block's upper pole (and its conjugate) makes of partial fractions at -p:
     at most this much a unit, [grid..., k, other's k]."""
     q = other.poles[..., None, :]

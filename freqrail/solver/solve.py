@@ -28,6 +28,7 @@ from freqrail.solver.block_lags import places_of, transfer, weighted_nodes
 from freqrail.solver.block_poles import poles
 from freqrail.solver.detours import weighted_detours, without
 from freqrail.solver.panels import SharedPanels, own_edges, rounding_errors, shared_panels, speed_groups
+from freqrail.solver.peaks import peak_mean_squares
 from freqrail.solver.problem import Problem, cells, cells_by_geometry
 from freqrail.solver.quadrature import MeanSquare
 from freqrail.solver.resonances import Resonances, every_pole, resonances, resonances_of_each
@@ -176,9 +177,7 @@ def _by_shared_nodes(
     squares = block_quadrature.mean_squares(study.reduction, study.values, nodes, shared.rounding_errors)
     if not shared.detours:
         return squares
-    added = block_residues.around_mean_squares(
-        study.reduction, study.values, study.spectrum, study.speed, shared.detours, study.limits
-    )
+    added = peak_mean_squares(study.reduction, study.values, study.spectrum, study.speed, shared.detours, study.limits)
     return {
         name: MeanSquare(square.value + added[name].value, square.error + added[name].error)
         for name, square in squares.items()

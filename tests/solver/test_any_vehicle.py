@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from freqrail.model.band import Band
+from freqrail.model.elements import Dashpot, Parallel, Series, Spring
+from freqrail.model.outputs import Displacement, Elongation, Output
 from freqrail.model.spectrum import RationalSpectrum
+from freqrail.model.system import Freedom, Leg, System, Wheel
 from freqrail.solver import solve
 from freqrail.solver.problem import problem_of
 from tests.independent import density, reference_nodes
@@ -85,3 +91,48 @@ def test_no_number_is_off_by_more_than_its_estimate(kind):
                 error = np.abs(found.rms[name][:, k] / expected - 1)
                 assert np.all(error <= found.relative_error[name][:, k] + 3e-11), (name, band)
                 assert np.all(found.relative_error[name][:, k] < 1e-7)
+
+
+# --- against sixty digits ----------------------------------------------------------------------------
+
+
+REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "any_vehicle.json").read_text())
+
+
+def described(vehicle: dict) -> tuple[System, dict[str, float], tuple[Output, ...]]:
+    """A vehicle of tests/reference/make_any_vehicle.py."""
+    values = {f"m_{f}": float(mass) for f, mass in vehicle["freedoms"].items()} | {"contact": float(vehicle["contact"])}
+    legs, forms = [], {}
+    for name, (row, *numbers) in vehicle["legs"].items():
+        forms[name] = {f: float(arm) for f, arm in row.items()}
+        own = dict(zip((f"{name}_k", f"{name}_c", f"{name}_K"), map(float, numbers), strict=True))
+        values |= own
+        k, c, joint = own
+        legs.append(Leg(name, forms[name], Parallel((Spring(k), Series((Spring(joint), Dashpot(c), Spring(joint)))))))
+    system = System(
+        tuple(Freedom(f, f"m_{f}") for f in vehicle["freedoms"]),
+        tuple(legs),
+        tuple(Wheel(f"under {w}", {w: 1.0}, Spring("contact"), float(x)) for w, x in vehicle["wheels"].items()),
+    )
+    outputs = []
+    for name in vehicle["mean_squares"]:
+        what, of = name.split(" ")
+        tap, order = (Displacement({of: 1.0}), 2) if what == "acceleration" else (Elongation(of), 0)
+        outputs.append(Output(name, "", "", (("", tap),), order))
+    return system, values, tuple(outputs)
+
+
+@pytest.mark.parametrize("which", REFERENCE["vehicles"])
+def test_vehicles_without_symmetry_and_with_a_bending_mode_to_sixty_digits(which):
+    vehicle = REFERENCE["vehicles"][which]
+    system, values, outputs = described(vehicle)
+    roughness, low, high = map(float, REFERENCE["spectrum"])
+    spectrum, speed = RationalSpectrum("reference", roughness, (low, high)), np.array([float(vehicle["speed"])])
+    bands = [None, *(Band("frequency", float(a), float(b)) for a, b in REFERENCE["bands_hz"])]
+    for place, band in enumerate(bands):
+        found = solve.solve(problem_of(system, outputs, values, speed, spectrum, band))
+        assert np.all(found.status == 0)
+        for name, squares in vehicle["mean_squares"].items():
+            error = abs(float(found.rms[name][0, 0]) ** 2 / float(squares[place]) - 1) / 2
+            assert error <= found.relative_error[name][0, 0]
+            assert error < 1e-9
