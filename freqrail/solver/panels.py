@@ -7,9 +7,7 @@ matrix product. All of it depends on the grid alone, never on how that is cut in
 from __future__ import annotations
 
 import bisect
-import functools
 import math
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -17,17 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.spectrum import RationalSpectrum, kinks, singular_points
-from freqrail.model.system import evaluate
 from freqrail.solver import quadrature
 from freqrail.solver.detours import Detour, detours, is_sharp, panels_kept
 from freqrail.solver.problem import Problem
-from freqrail.solver.quadrature import EPSILON
 from freqrail.solver.resonances import Resonances, every_pole, resonances
+from freqrail.solver.rounding import BEYOND, longest_lags, rounding_errors
 
 SHARED_NODES = 6000  # more nodes than this are not worth sharing, unless the lags call for as many anyway
 SHARED_WEIGHTS = 3_000_000  # nodes x speeds whose weights are held at once: 250 MB
 SAMPLES = 300  # vehicles whose poles place the shared nodes: all of a small grid, an even spread of a large one
-WHOLE_AXIS_END = 20.0  # without a band, nodes reach this multiple of the highest resonance; beyond is bounded
 GROUP_NODES, GROUP_SPEEDS = 2000, 500  # up to so many nodes, speeds of any range are taken together, and so many
 LARGEST_RULE = 10_000_000  # nodes x speeds that a vehicle's own quadrature may take: about a second
 OWN_REFINEMENT = 1.25  # a vehicle's own panels are shorter than shared ones by this
@@ -58,41 +54,10 @@ def shared_panels(study: Problem) -> tuple[SharedPanels, ...]:
     if in_closed_form(study):
         return ()
     sample = study.cut(_sample(study.vehicles))
-    found = resonances(sample.reduction, sample.values, sample=True)
+    found = resonances(sample.reduction, sample.values, sample.vehicles, sample=True)
     all_known = math.prod(sample.vehicles) == math.prod(study.vehicles)
     groups = speed_groups(sample, every_pole(found))
     return tuple(_shared(sample, group, found, all_known) for group in groups)
-
-
-def rounding_errors(
-    study: Problem, found: Mapping[int, Resonances], around: tuple[Detour, ...] = ()
-) -> dict[str, NDArray[np.float64]]:
-    """What rounding leaves of each output [speeds], by the resonances of the blocks that it is read off.
-
-    around: detours, on which no node comes near the peaks that they go around.
-
-    inf where a resonance inside the band may have been missed. The lags' phases are known to the rounding of the
-    highest frequency times the longest lag.
-    """
-    highest = WHOLE_AXIS_END * np.max(np.abs(every_pole(found).imag), initial=1.0)
-    phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * _longest_lags(study)
-    result = {}
-    for name in study.names:
-        blocks = [found[index] for index in study.reduction.blocks_in(name)]
-        scalars = {k for label in study.reduction.sums[name] for k, _ in label}
-        poles = np.concatenate([each.poles for each in blocks])
-        shift = np.concatenate([each.shift for each in blocks])
-        errors = np.concatenate(
-            [
-                functools.reduce(np.maximum, [e for k, e in each.errors.items() if k in scalars], each.shift)
-                for each in blocks
-            ]
-        )
-        near = ~functools.reduce(operator.or_, [each.holds(poles) for each in around], np.zeros(poles.shape, bool))
-        result[name] = quadrature.rounding(poles[near], study.limits, shift[near], errors[near]) + phase
-        if not all(each.known.all() for each in blocks):
-            result[name] = np.full_like(result[name], np.inf)
-    return result
 
 
 def _shared(study: Problem, speeds: NDArray[np.intp], found: Mapping[int, Resonances], all_known: bool) -> SharedPanels:
@@ -167,7 +132,7 @@ def own_edges(study: Problem, resonances: NDArray[np.complex128]) -> NDArray[np.
 def first_edges(study: Problem, resonances: NDArray[np.complex128]) -> NDArray[np.float64]:
     """The edges a panel must not straddle: every speed's own band, or 0 and the end of the nodes, and all kinks."""
     limits = study.limits
-    ends = np.where(np.isinf(limits), WHOLE_AXIS_END * np.max(np.abs(resonances.imag), initial=1.0), limits)
+    ends = np.where(np.isinf(limits), BEYOND * np.max(np.abs(resonances.imag), initial=1.0), limits)
     points = kinks(study.spectrum, study.speed)
     knots = np.array([knot for law in study.reduction.system.laws for knot in law.knots])
     knots = knots[(knots > np.min(ends)) & (knots < np.max(ends))]
@@ -182,14 +147,7 @@ def _fewest_nodes(study: Problem, resonances: NDArray[np.complex128]) -> float:
 
 def _longest_lag(study: Problem) -> float:
     """The last wheel's lag behind the first at the lowest speed, s (eq. 2), the largest of all vehicles'."""
-    return float(np.max(_longest_lags(study)))
-
-
-def _longest_lags(study: Problem) -> NDArray[np.float64]:
-    """The same at every speed, [speeds]."""
-    wheels = study.reduction.system.wheels
-    places = np.broadcast_arrays(*(np.asarray(evaluate(wheel.place, study.values)) for wheel in wheels))
-    return float(np.max(np.max(places, axis=0) - np.min(places, axis=0))) / study.speed
+    return float(np.max(longest_lags(study)))
 
 
 def _sample(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], ...]:

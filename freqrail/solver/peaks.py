@@ -175,13 +175,13 @@ def _terms(
     waves, sizes = _lag_waves(p, sorted({lags[row] for row in weights}), distances, spectrum, speed)
     # a peak's height goes with the distance of a pole from a mirror image, which is known to a rounding error
     sharpness = 8 * EPSILON * np.abs(p) / np.abs(2 * p.real)
-    result: list[tuple[int, Array, Array]] = []
+    result = []
     for row, weight in weights.items():
         wave, size = waves[lags[row]], sizes[lags[row]]
         value = _total(np.moveaxis(np.real(weight[..., None] * wave), -2, 0))
         lost = (uncertain[row] + (LOSS_OF_PEAK + sharpness) * np.abs(weight))[..., None] * np.abs(wave)
         lost = lost + np.abs(weight)[..., None] * size
-        result.append((row, value, _total(np.moveaxis(lost, -2, 0))))
+        result.append((row, np.asarray(value, dtype=float), _total(np.moveaxis(lost, -2, 0))))
     return result
 
 

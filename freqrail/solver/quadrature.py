@@ -59,9 +59,6 @@ CAUTION = 40.0  # of the error estimate: QUADPACK's 200 is for integrands of any
 NARROWEST = 1e-13  # no panel is shorter than this fraction of its frequency: rounding begins there
 TINY = 1e-150
 EPSILON = np.finfo(float).eps
-UNUSUAL = (
-    3e-14  # what rounding leaves of a plausible vehicle at its resonances: covered by 4 EPSILON a unit of sharpness
-)
 RUN, LONGEST_RUN = 16, 1024  # panels that the lag alone cuts are laid so many at a time
 
 TILE, NODES, SPEEDS = 16, 160, 100  # rows of every matrix product, and its most nodes and speeds
@@ -167,30 +164,3 @@ class WeightedNodes:
     omega: NDArray[np.float64]
     kronrod: NDArray[np.float64]
     gauss: NDArray[np.float64] | None
-
-
-def rounding(
-    poles: NDArray[np.complex128],
-    limits: NDArray[np.float64],
-    shift: NDArray[np.float64] | float = 0.0,
-    errors: NDArray[np.float64] | float = 0.0,
-) -> NDArray[np.float64]:
-    """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles` [n], rad/s.
-
-    Near a resonance the response is a difference of large numbers: rounding over the distance of the band from the
-    pole, relative to its frequency (the damping ratio, if the band holds the resonance). In a narrow band the
-    differences of the nodes carry the rounding of their frequencies. shift, errors: of each pole, how far rounding
-    moves it and what it leaves of an element there, relatively (`resonances.Resonances`): counted where they
-    are `UNUSUAL`.
-    """
-    size, frequency = np.abs(poles)[:, None], np.abs(poles.imag)[:, None]
-    outside = np.maximum(0.0, np.maximum(limits[0] - frequency, frequency - limits[1]))
-    moved, spoilt = (np.where(~(x <= UNUSUAL), x, 0.0)[..., None] for x in (np.asarray(shift), np.asarray(errors)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.hypot(outside, poles.real[:, None])
-        sharpness = np.where(frequency > 0, size / distance, 0.0)
-        narrow = np.where(np.isfinite(limits[1]), limits[1] / (limits[1] - limits[0]), 1.0)
-        # an element is small, and so its error large, beside the pole only
-        near_pole = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
-        unusual = np.max(np.where(frequency > 0, moved * size / distance + near_pole, 0.0), axis=0, initial=0.0)
-    return ROUNDING + 4 * EPSILON * (np.max(sharpness, axis=0, initial=0.0) + narrow) + unusual

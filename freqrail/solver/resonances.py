@@ -6,17 +6,15 @@ a peak, its place and its height, `solver.free_oscillation` tells.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
-from freqrail.reduction.blocks import Block
 from freqrail.reduction.columns import Reduction
-from freqrail.reduction.forms import Lengths
 from freqrail.solver.block_poles import FAR, LIGHT, Expansion, expansion
 from freqrail.solver.block_response import parts_of, used
 from freqrail.solver.frozen_laws import resonances_frozen
@@ -25,7 +23,6 @@ from freqrail.types import Number
 Array = NDArray[np.float64]
 
 ROUNDED_BELOW = 1e-9  # of the largest eigenvalue: real parts smaller than this are not taken from eigenvalues
-BESIDE = 0.01  # relative distance of poles up to which their peaks are taken for overlapping
 SAME = 1e-6  # relative error of a product of poles up to which it counts as known
 
 
@@ -34,33 +31,62 @@ class Resonances:
     """Poles of a block of one vehicle or many, rad/s: [n], those with Im >= 0, and what rounding makes of responses.
 
     known: [n], whether its peak surely lies there, as wide as the pole tells. shift: how far rounding moves a
-    peak, relative to its frequency. errors: relative errors of each scalar beside it, {scalar: [n]}. All NaN where a
-    vehicle's numbers overflow.
+    peak, relative to its frequency. vehicle: [n], whose it is. residues: of the bases of the block's scalars, with
+    their errors, {scalar: [n]}. All NaN where a vehicle's numbers overflow.
     """
 
     poles: NDArray[np.complex128]
     known: NDArray[np.bool_]
     shift: Array
+    vehicle: NDArray[np.intp]
+    residues: dict[int, NDArray[np.complex128]]
     errors: dict[int, Array]
 
+    def some(self, which: NDArray[np.bool_]) -> Resonances:
+        """Some of them."""
+        return Resonances(
+            self.poles[which],
+            self.known[which],
+            self.shift[which],
+            self.vehicle[which],
+            {k: x[which] for k, x in self.residues.items()},
+            {k: x[which] for k, x in self.errors.items()},
+        )
 
-def resonances(reduction: Reduction, values: Values, sample: bool = False) -> dict[int, Resonances]:
-    """`Resonances` of every block that scalars are read off, of all vehicles of a grid together.
+
+def resonances(
+    reduction: Reduction, values: Values, shape: tuple[int, ...] = (), sample: bool = False
+) -> dict[int, Resonances]:
+    """`Resonances` of every block that scalars are read off, of all vehicles of a grid [shape] together.
 
     sample: where the eigenvalues of a vehicle cannot tell a peak's width, its poles are taken for unknown. Without it
     they are counted by the determinant, which takes longer.
     """
-    found = _tables(reduction, values, sample)
-    return {index: _told(each, ...) for index, each in found.items()}
+    result = {}
+    with np.errstate(all="ignore"):
+        for index, block, _ in used(reduction):
+            if all(strut.law.rational for strut in block.struts):
+                each = expansion(reduction, index, values)
+                known = _known(reduction, index, values, each, sample)
+                finite = np.asarray(np.isfinite(each.raw).all(axis=-1))
+                tables = (each.poles, known, each.shift, each.residues, each.rounding)
+                result[index] = _told(*tables, each.weight > 0, finite, shape)
+            else:
+                found = resonances_frozen(block, reduction.lengths, values)
+                everywhere = np.ones(found.shape[:-1], dtype=bool)
+                nothing = np.zeros(found.shape)
+                result[index] = _told(found, np.isfinite(found), nothing, {}, {}, found.imag > 0, everywhere, shape)
+    return result
 
 
 def resonances_of_each(reduction: Reduction, values: Values, count: int) -> list[dict[int, Resonances]]:
     """The same of each of `count` vehicles, whose values are floats or arrays [count]."""
-    found = _tables(reduction, values, False)
-    return [
-        {index: _told(each, slice(v, v + 1) if each.poles.ndim > 1 else ...) for index, each in found.items()}
-        for v in range(count)
-    ]
+    found = resonances(reduction, values, (count,))
+    result = []
+    for v in range(count):
+        own = {index: each.some(each.vehicle == v) for index, each in found.items()}
+        result.append({index: replace(each, vehicle=0 * each.vehicle) for index, each in own.items()})
+    return result
 
 
 def every_pole(found: Mapping[int, Resonances]) -> NDArray[np.complex128]:
@@ -68,67 +94,34 @@ def every_pole(found: Mapping[int, Resonances]) -> NDArray[np.complex128]:
     return np.concatenate([each.poles for each in found.values()])
 
 
-@dataclass(frozen=True)
-class _Table:
-    """Of a block's vehicles: what `Resonances` has, [grid..., k], and which poles there are; finite: [grid...]."""
+def _told(
+    poles: NDArray[np.complex128],
+    known: NDArray[np.bool_],
+    shift: Array,
+    residues: dict[int, NDArray[np.complex128]],
+    errors: dict[int, Array],
+    there: NDArray[np.bool_],
+    finite: NDArray[np.bool_],
+    shape: tuple[int, ...],
+) -> Resonances:
+    """Tables [grid..., k] one pole after the other; there: which poles there are; finite: [grid...]."""
+    wide = (*shape, poles.shape[-1])
+    here = np.broadcast_to(there & finite[..., None], wide)
+    missing = np.flatnonzero(~np.broadcast_to(finite, shape).ravel())
+    vehicle = np.broadcast_to(np.arange(math.prod(shape)).reshape(*shape, 1), wide)
+    nothing = np.full(missing.size, np.nan)
 
-    poles: NDArray[np.complex128]
-    known: NDArray[np.bool_]
-    shift: Array
-    errors: dict[int, Array]
-    there: NDArray[np.bool_]
-    finite: NDArray[np.bool_]
+    def flat(table: NDArray) -> NDArray:
+        return np.append(np.broadcast_to(table, wide)[here], nothing)
 
-
-def _told(table: _Table, some: Any) -> Resonances:
-    finite = table.finite[some]
-    here = table.there[some] & finite[..., None]
-    nothing = np.full(int(np.sum(~finite)), np.nan)
     return Resonances(
-        np.append(table.poles[some][here], nothing),
-        np.append(table.known[some][here], nothing == 0),
-        np.append(table.shift[some][here], nothing),
-        {k: np.append(error[some][here], nothing) for k, error in table.errors.items()},
+        flat(poles),
+        flat(known) == 1,
+        flat(shift),
+        np.append(vehicle[here], missing),
+        {k: flat(x) for k, x in residues.items()},
+        {k: flat(x) for k, x in errors.items()},
     )
-
-
-def _tables(reduction: Reduction, values: Values, sample: bool) -> dict[int, _Table]:
-    result = {}
-    with np.errstate(all="ignore"):
-        for index, block, _ in used(reduction):
-            if not all(strut.law.rational for strut in block.struts):
-                result[index] = _irrational(block, reduction.lengths, values)
-                continue
-            each = expansion(reduction, index, values)
-            errors = {k: _relative(rounding, each.residues[k], each) for k, rounding in each.rounding.items()}
-            result[index] = _Table(
-                each.poles,
-                _known(reduction, index, values, each, sample),
-                each.shift,
-                errors,
-                each.weight > 0,
-                np.asarray(np.isfinite(each.raw).all(axis=-1)),
-            )
-    return result
-
-
-def _relative(rounding: Array, residues: NDArray[np.complex128], each: Expansion) -> Array:
-    """Errors of residues relative to what a peak is among those that it overlaps with, [grid..., k].
-
-    A peak's mean square is in proportion to |residue|^2/|Re p|; of two side by side the lower one counts for less.
-    """
-    present = each.weight > 0
-    power = np.where(present, np.square(np.abs(residues)) / np.abs(each.poles.real), 0.0)
-    near = np.abs(each.poles[..., :, None] - each.poles[..., None, :]) < BESIDE * np.abs(each.poles[..., :, None])
-    highest = np.max(np.where(near, power[..., None, :], 0.0), axis=-1)
-    wrong = np.abs(residues) * rounding / np.abs(each.poles.real)
-    return np.where(present & (highest > 0), wrong / highest, 0.0)
-
-
-def _irrational(block: Block, lengths: Lengths, values: Values) -> _Table:
-    found = resonances_frozen(block, lengths, values)
-    there, nothing = found.imag > 0, np.zeros(found.shape)
-    return _Table(found, np.isfinite(found), nothing, {}, there, np.ones(found.shape[:-1], dtype=bool))
 
 
 def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sample: bool) -> NDArray[np.bool_]:

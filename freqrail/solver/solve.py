@@ -27,11 +27,12 @@ from freqrail.solver import block_quadrature, block_residues, quadrature
 from freqrail.solver.block_lags import places_of, transfer, weighted_nodes
 from freqrail.solver.block_poles import poles
 from freqrail.solver.detours import weighted_detours, without
-from freqrail.solver.panels import SharedPanels, own_edges, rounding_errors, shared_panels, speed_groups
+from freqrail.solver.panels import SharedPanels, own_edges, shared_panels, speed_groups
 from freqrail.solver.peaks import peak_mean_squares
 from freqrail.solver.problem import Problem, cells, cells_by_geometry
 from freqrail.solver.quadrature import MeanSquare
 from freqrail.solver.resonances import Resonances, every_pole, resonances, resonances_of_each
+from freqrail.solver.rounding import rounding_errors
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE, Solution
 from freqrail.types import Progress
 

@@ -89,14 +89,14 @@ def test_grids_that_ring_share_nodes_and_keep_their_numbers(paper_vehicle, monke
 
 
 def test_peaks_hold_nearly_all_of_what_soft_joints_let_ring(paper_vehicle):
-    """The wheelsets' acceleration: 99.99 % of its mean square where joints are softest, less where they damp."""
+    """The wheelsets' acceleration: all but a ten-thousandth where joints are softest, less where they damp."""
     problem = half_vehicle_problem(grid(paper_vehicle), SPEEDS, TRACK, RINGING, ("wheelset_acceleration",))
     whole = np.square(solve.solve(problem).rms["wheelset_acceleration"])
     (shared,) = panels.shared_panels(problem)
     found = peaks.peak_mean_squares(problem.reduction, problem.values, TRACK, SPEEDS, shared.detours, problem.limits)
     share = found["wheelset_acceleration"].value / whole
-    assert np.all(share[:, 0, 0] > 0.9999)
-    assert np.all(share[:, -1, -1] < 0.9999)
+    assert np.all(np.abs(1 - share[:, 0, 0]) < 1e-4)
+    assert np.all(np.abs(1 - share[:, -1, -1]) > 1e-4)
 
 
 def test_a_peak_outside_all_rectangles_is_left_to_its_own_nodes(paper_vehicle, monkeypatch):
