@@ -39,12 +39,7 @@ def rounding_errors(
     """
     highest = BEYOND * np.max(np.abs(every_pole(found).imag), initial=1.0)
     phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * longest_lags(study)
-    near = {
-        index: each.some(
-            ~functools.reduce(operator.or_, [a.holds(each.poles) for a in around], each.poles != each.poles)
-        )
-        for index, each in found.items()
-    }
+    near = {index: each.some(~_gone_around(each, around)) for index, each in found.items()}
     result = {}
     for name in study.names:
         blocks = study.reduction.blocks_in(name)
@@ -68,10 +63,9 @@ def _peak_errors(study: Problem, name: str, found: Mapping[int, Resonances]) -> 
     with np.errstate(all="ignore"):
         plain, small = [], True
         for each in found.values():
-            some = {k for terms in labels for k, _ in terms if k in each.errors}
-            lost = functools.reduce(
-                np.maximum, [each.errors[k] / np.abs(each.residues[k]) for k, _ in some], each.shift
-            )
+            some = sorted({k for terms in labels for k, _ in terms if k in each.errors})
+            relative = (each.errors[k] / np.abs(each.residues[k]) for k in some)
+            lost = functools.reduce(np.maximum, relative, each.shift)
             plain.append(2 * lost)
             inside = (np.abs(each.poles.imag) > np.min(study.limits[0])) & (each.poles.imag != 0)
             inside &= np.abs(each.poles.imag) < np.max(study.limits[1])
