@@ -60,7 +60,9 @@ def solve(
     solution = _blank(study)
     if not groups:
         _solve_in_closed_form(study, solution, jobs, progress)
-    for shared in groups:
+    if len(groups) == 1:
+        _solve_by_quadrature(study, solution, groups[0], jobs, progress)
+    for shared in groups if len(groups) > 1 else ():
         part = replace(study, speed=study.speed[shared.speeds])
         found = _blank(part)
         _solve_by_quadrature(part, found, shared, jobs, progress)
