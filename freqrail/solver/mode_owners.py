@@ -13,7 +13,7 @@ from freqrail.model.bodies import Anatomy
 from freqrail.model.elements import Values
 from freqrail.model.system import Leg, System
 from freqrail.reduction.blocks import Block, Strut
-from freqrail.solver.partial_fractions import EPSILON, FAR
+from freqrail.solver.block_poles import EPSILON, FAR
 from freqrail.solver.vehicle_poles import FreeMotion
 from freqrail.types import Number
 

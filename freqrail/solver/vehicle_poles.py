@@ -14,9 +14,8 @@ from freqrail.model.half_vehicle import half_vehicle, values_of
 from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.blocks import Block, blocks_of
 from freqrail.reduction.forms import Lengths
-from freqrail.solver.block_poles import UNSURE, poles, state_matrix
+from freqrail.solver.block_poles import FAR, LIGHT, UNSURE, poles, state_matrix
 from freqrail.solver.free_oscillation import clusters, polished, real_parts, together
-from freqrail.solver.partial_fractions import FAR, LIGHT
 
 Complex = NDArray[np.complex128]
 
