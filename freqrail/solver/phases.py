@@ -69,7 +69,7 @@ def leg_words(lower: Sequence[int], bodies: Sequence[Body], amplitudes: Mapping[
     pattern, above = _common(groups, bodies, amplitudes), _carried(groups, amplitudes)
     if pattern == (1,) * len(pattern or (0,)):
         return leg_words(tuple(above), bodies, above)
-    if pattern in ((1, -1), (1, 0, -1)):
+    if pattern is not None and _turning(pattern):
         return _rigid("pitch", tuple(above), bodies, above)
     return body_words(lower, bodies, amplitudes)
 
@@ -97,6 +97,12 @@ def _pattern(amplitudes: Sequence[float]) -> tuple[int, ...]:
     signs = np.where(np.abs(x) >= STILL * largest, np.sign(x), 0.0) if largest > 0 else np.zeros(x.size)
     first = next((sign for sign in signs if sign), 1.0)
     return tuple(int(sign) for sign in signs * first)
+
+
+def _turning(pattern: tuple[int, ...]) -> bool:
+    """Whether a pattern is that of bodies below one that pitches, as (1, -1), (1, 0, -1) or (1, 1, -1, -1)."""
+    half = len(pattern) // 2
+    return half > 0 and pattern == (1,) * half + (0,) * (len(pattern) - 2 * half) + (-1,) * half
 
 
 def _groups(which: Sequence[int], bodies: Sequence[Body]) -> dict[int, list[int]]:
@@ -189,10 +195,11 @@ def _within(told: _Told, of: str) -> str:
         return f"{told.place} {told.kind}{of}"
     if told.in_phase:
         return f"{bodies} {IN_PHASE}"
-    if told.pattern == (1, -1):
-        return f"{bodies} {opposed}"
-    if told.pattern == (1, 0, -1):
-        return f"outer {bodies} {opposed}"
+    if _turning(told.pattern):
+        some = {2: "", 3: "outer "}.get(len(told.pattern), "front and rear ")
+        return f"{some}{bodies} {opposed}"
+    if told.pattern == (1, 0, 1):
+        return f"outer {bodies} {IN_PHASE}"
     if told.pattern == (1, -1, 1):
         return f"middle {told.kind}{of} against the outer ones"
     return f"{bodies} {' '.join('-0+'[sign + 1] for sign in told.pattern)}"

@@ -80,7 +80,9 @@ def test_trains():
     assert told(train(2, 2, 2), "wheelset", "bounce", *(1, 1, -1, -1) * 2) == (
         "wheelsets, bogies of a car opposed, cars in phase"
     )
-    assert told(train(4, 1, 1), "car", "bounce", 1, 1, -1, -1) == "car bounce, + + - -"
+    assert told(train(4, 1, 1), "car", "bounce", 1, 1, -1, -1) == "car bounce, front and rear cars in antiphase"
+    assert told(train(4, 1, 1), "car", "bounce", 1, -1, -1, 1) == "car bounce, + - - +"
+    assert told(train(3, 1, 1), "car", "bounce", 1, 0.1, 1) == "car bounce, outer cars in phase"
     assert told(train(1, 1, 1), "car", "bounce", 1) == "car bounce"
     # a bogie each: wheelsets of a bogie are told, bogies by the cars
     assert told(train(2, 1, 1), "bogie", "bounce", 1, -1) == "bogie bounce, in antiphase"
@@ -96,6 +98,9 @@ def test_legs_follow_the_bodies_above_them():
     assert legs(one, "bogie", 1, 1) == legs(one, "wheelset", 1, 1, 1, 1) == "bounce"
     assert legs(one, "bogie", 1, -1) == legs(one, "wheelset", 1, 1, -1, -1) == "pitch"
     assert legs(one, "wheelset", 1, -1, -1, 1) == "bogie pitch, bogies in antiphase"
+    four = train(1, 2, 4)
+    assert legs(four, "wheelset", *(2, 1, -1, -2) * 2) == "bogie pitch, bogies in phase"
+    assert legs(four, "wheelset", *(1, -1, -1, 1) * 2) == "wheelsets of a bogie + - - +, bogies in phase"
     assert legs(one, "wheelset", 0, 0, 1, -1) == "rear bogie pitch"
     assert legs(one, "bogie", 0, 1) == legs(one, "wheelset", 0, 0, 1, 1) == "rear bogie"
     assert legs(two, "bogie", 1, 1, -1, -1) == "car bounce, in antiphase"
