@@ -1,7 +1,7 @@
 """Numbers of the frequency domain by routes that the kernel of a sweep does not take, to hold its numbers against.
 
 - `line_rms`: the integral over a band as a sum over a record's lines, |T|^2 from the blocks' frequency responses with
-  the wheels' lags as complex numbers: no columns, no panels, no residues, but the kernel's own elimination;
+  the wheels' lags as complex numbers: no lag columns, no panels, no residues, but the kernel's own blocks;
 - `state_response`: T from the state space that is simulated, by one linear solve a frequency;
 - `covariance_rms`: the mean square over the whole axis from the stationary covariance of the states behind a shaping
   filter, by Sylvester's equation: no frequency at all.
@@ -19,17 +19,15 @@ from freqrail.confirm.track_record import Lines, spectral_lines
 from freqrail.model.equations import StateSpace
 from freqrail.model.spectrum import RationalSpectrum, Spectrum
 from freqrail.model.vehicle import Vehicle
-from freqrail.solver.block_lags import transfer
-from freqrail.solver.problem import half_vehicle_reduction
+from freqrail.solver.transfer import half_vehicle_transfer
 
 
 def transfer_power(
     vehicle: Vehicle, names: tuple[str, ...], speed: float, frequency: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """|T|^2 of the named responses at `frequency` [K] in Hz: [series, K], SI units squared per m^2; speed in m/s."""
-    reduction = half_vehicle_reduction(names, vars(vehicle))
-    found = transfer(reduction, vars(vehicle), 2 * np.pi * frequency, np.array([speed]))
-    return np.square(np.abs(np.concatenate([each for name in names for each in found[name]])))
+    rows = half_vehicle_transfer(vehicle, names, 2 * np.pi * frequency, speed)
+    return np.square(np.abs(np.concatenate(list(rows.values()))))
 
 
 def line_rms(

@@ -14,7 +14,7 @@ from freqrail.confirm.time_side import OperatingPoint, TimeSide, time_side, vehi
 from freqrail.errors import InputError
 from freqrail.model.responses import PAPER, series_count
 from freqrail.model.spectrum import frequency_psd
-from freqrail.reduction.chains import poles
+from freqrail.solver.vehicle_poles import half_vehicle_poles
 
 MODELS = ("joint", "traditional")
 
@@ -121,7 +121,7 @@ def accuracy(point: OperatingPoint, setup: Setup) -> Accuracy:
 
 def _struck(point: OperatingPoint, highest: float) -> NDArray[np.complex128]:
     """Poles of both models, rad/s, that a band up to `highest` [Hz] strikes."""
-    both = np.concatenate([poles(vehicle) for vehicle in vehicles(point).values()])
+    both = np.concatenate([half_vehicle_poles(vehicle) for vehicle in vehicles(point).values()])
     if not np.isfinite(both).all():
         raise InputError("the vehicle's numbers are too far apart for double precision: nothing to simulate")
     return both[np.abs(both.imag) <= 2 * np.pi * (highest + NEAR)]

@@ -10,18 +10,20 @@ from __future__ import annotations
 from freqrail.model.elements import Dashpot, Law, Parallel, Series, Spring
 from freqrail.model.outputs import Displacement, Elongation, Output, Tap
 from freqrail.model.system import Freedom, Leg, Row, System, Wheel
+from freqrail.model.vehicle import Vehicle
+from freqrail.types import Number
 
 FREEDOMS = (
-    Freedom("z_c", "car_body_mass"),
-    Freedom("beta_c", "car_body_pitch_inertia"),
-    Freedom("z_t1", "bogie_mass"),
-    Freedom("beta_t1", "bogie_pitch_inertia"),
-    Freedom("z_w1", "wheelset_mass"),
-    Freedom("z_w2", "wheelset_mass"),
-    Freedom("z_t2", "bogie_mass"),
-    Freedom("beta_t2", "bogie_pitch_inertia"),
-    Freedom("z_w3", "wheelset_mass"),
-    Freedom("z_w4", "wheelset_mass"),
+    Freedom("z_c", "car_body_mass", "car", "car", "bounce"),
+    Freedom("beta_c", "car_body_pitch_inertia", "car", "car", "pitch"),
+    Freedom("z_t1", "bogie_mass", "bogie_1", "bogie", "bounce"),
+    Freedom("beta_t1", "bogie_pitch_inertia", "bogie_1", "bogie", "pitch"),
+    Freedom("z_w1", "wheelset_mass", "wheelset_1", "wheelset", "bounce"),
+    Freedom("z_w2", "wheelset_mass", "wheelset_2", "wheelset", "bounce"),
+    Freedom("z_t2", "bogie_mass", "bogie_2", "bogie", "bounce"),
+    Freedom("beta_t2", "bogie_pitch_inertia", "bogie_2", "bogie", "pitch"),
+    Freedom("z_w3", "wheelset_mass", "wheelset_3", "wheelset", "bounce"),
+    Freedom("z_w4", "wheelset_mass", "wheelset_4", "wheelset", "bounce"),
 )
 """The order of q, as in the paper's state vector below eq. (9)."""
 
@@ -53,12 +55,17 @@ def half_vehicle() -> System:
     places = ({_A: 1.0, _B: 1.0}, {_A: 1.0, _B: -1.0}, {_A: -1.0, _B: 1.0}, {_A: -1.0, _B: -1.0})
     return System(
         freedoms=FREEDOMS,
-        legs=tuple(Leg(name, row, law) for name, (row, law) in rows.items()),
+        legs=tuple(Leg(name, row, law, f"{name.partition('_')[0]} damper joints") for name, (row, law) in rows.items()),
         wheels=tuple(
             Wheel(f"axle_{k + 1}", {f"z_w{k + 1}": 1.0}, Spring("contact_stiffness"), place)
             for k, place in enumerate(places)
         ),
     )
+
+
+def values_of(vehicle: Vehicle) -> dict[str, Number]:
+    """The numbers of a vehicle, or of a grid of vehicles, by the names that the template has."""
+    return dict(vars(vehicle))
 
 
 def outputs() -> tuple[Output, ...]:

@@ -27,19 +27,31 @@ Row = Mapping[str, Arm]
 
 @dataclass(frozen=True)
 class Freedom:
-    """A coordinate of motion, and the name of the mass (kg) or moment of inertia (kg m^2) that moves with it."""
+    """A coordinate of motion, and the name of the mass (kg) or moment of inertia (kg m^2) that moves with it.
+
+    For modes in words (`model.bodies`): body: the name of the body that moves, its own name if "". kind: what such a
+    body is, "car", "bogie", "wheelset", the same for like bodies; the body's name if "". motion: "bounce", "pitch",
+    "bending" or another word.
+    """
 
     name: str
     inertia: str
+    body: str = ""
+    kind: str = ""
+    motion: str = ""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A suspension leg: elongation `row` times q, and the law of its force; of one body alone, to the ground."""
+    """A suspension leg: elongation `row` times q, and the law of its force; of one body alone, to the ground.
+
+    inside: words for what yields inside it, as "secondary damper joints", the same for like legs; its name if "".
+    """
 
     name: str
     row: Row
     law: Law
+    inside: str = ""
 
 
 @dataclass(frozen=True)

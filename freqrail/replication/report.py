@@ -15,7 +15,6 @@ import xarray as xr
 from freqrail.case.parameters import JOINTS
 from freqrail.model.responses import RESPONSES
 from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chains import poles
 from freqrail.replication import judging
 from freqrail.replication.claims import CLAIMS, PAPER_POINT, PRIMARY, RESPONSE_NAMES, Claim
 from freqrail.replication.contradictions import contradictions
@@ -31,6 +30,7 @@ from freqrail.replication.thresholds import CHOSEN, KNIFE_EDGE, MEANING, PLAUSIB
 from freqrail.replication.unjudged import unjudged
 from freqrail.replication.variations import Variation
 from freqrail.result.axes import largest_error
+from freqrail.solver.vehicle_poles import half_vehicle_poles
 from freqrail.text import number
 
 _PAPER = (
@@ -305,7 +305,7 @@ def _ringing(vehicle: Vehicle) -> str:
     for joint in (TABLE_I[0], OTHER_JOINT, TABLE_I[-1], np.inf):
         stiffness = 1e6 * joint
         one = replace(vehicle, primary_joint_stiffness=stiffness, secondary_joint_stiffness=stiffness)
-        wheelset = max(poles(one), key=lambda pole: abs(pole.imag))
+        wheelset = max(half_vehicle_poles(one), key=lambda pole: abs(pole.imag))
         words = "rigid joints" if np.isinf(joint) else f"{joint:g} MN/m"
         parts.append(f"{number(-1 / wheelset.real, 3)} s with {words}")
         frequencies.append(abs(wheelset.imag) / (2 * np.pi))

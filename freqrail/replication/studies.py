@@ -21,13 +21,12 @@ from freqrail.confirm.track_record import fixed_amplitudes, spectral_lines, stre
 from freqrail.model.band import band_limits
 from freqrail.model.equations import leg_dynamic_stiffness
 from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import PREFIXES, RESPONSES
+from freqrail.model.responses import PAPER, PREFIXES, RESPONSES
 from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chain_columns import track_response
-from freqrail.reduction.chains import STAGES, chain_responses
 from freqrail.replication.claims import PAPER_POINT, PAPER_SPEED
 from freqrail.replication.judging import OTHER_JOINT
 from freqrail.result.labels import attributes, position_coordinates
+from freqrail.solver.transfer import half_vehicle_transfer
 from freqrail.sweep.sweep import sweep
 from freqrail.types import Progress
 
@@ -39,6 +38,7 @@ MAP_AXIS = "log:0.5:100:33 MN/m"
 SPECTRUM_JOINTS = f"0.5, {OTHER_JOINT:g}, 100 MN/m"
 SPECTRUM_AXIS = "log:0.1:100:400 Hz"
 
+STAGES = ("secondary", "primary")
 PERIOD = 20.0  # s, the paper's simulation time
 RATE = 250.0  # samples a second of the histories: above twice the band's end
 SEED, KEY = 0, "replicate"
@@ -112,15 +112,13 @@ def histories() -> xr.Dataset:
     # transfer functions are per metre under the vehicle's centre, the record is the first wheel's
     centre = np.exp(-1j * omega * lags[-1] / 2)
     for prefix, model in (("", vehicle), ("traditional_", vehicle.traditional())):
-        chains = chain_responses(model, omega)
-        for name, response in RESPONSES.items():
-            if response.paper:
-                transfer = track_response(RESPONSES[name], model, omega, speed, chains)
-                variables[f"{prefix}{name}_history"] = (
-                    (response.dimension, "sample"),
-                    in_time(transfer * centre),
-                    {"units": response.unit, "long_name": f"{response.long_name} in time, {PREFIXES[prefix]}"},
-                )
+        for name, transfer in half_vehicle_transfer(model, PAPER, omega, speed).items():
+            response = RESPONSES[name]
+            variables[f"{prefix}{name}_history"] = (
+                (response.dimension, "sample"),
+                in_time(transfer * centre),
+                {"units": response.unit, "long_name": f"{response.long_name} in time, {PREFIXES[prefix]}"},
+            )
     coordinates: dict[str, Any] = {
         "time": ("sample", np.arange(samples) / RATE, {"units": "s", "long_name": "time"}),
         **position_coordinates({"axle"}),

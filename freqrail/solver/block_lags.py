@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
-import operator
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,10 +10,8 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.model.spectrum import Spectrum, angular_psd
-from freqrail.model.system import evaluate
 from freqrail.reduction.chain_columns import cos_sin
 from freqrail.reduction.columns import Reduction
-from freqrail.solver.block_response import column, scalars
 from freqrail.solver.quadrature import Quadrature, WeightedNodes
 
 Array = NDArray[np.float64]
@@ -95,29 +91,3 @@ def places_of(reduction: Reduction, values: Values, index: tuple[int, ...] = ())
     shape = np.broadcast_shapes(*(np.shape(v) for v in values.values()))
     one = {name: float(np.broadcast_to(values[name], shape)[index]) for name in reduction.system.lengths}
     return reduction.places(one)
-
-
-def transfer(
-    reduction: Reduction, values: Values, omega: Array, speed: Array
-) -> dict[str, list[NDArray[np.complex128]]]:
-    """T(i omega) of every output's labels per metre of track under the vehicle's place 0, [grid..., speeds, n] each.
-
-    The wheels' responses are summed with their lags before any modulus is taken. omega: [n] rad/s. speed: [m] m/s.
-    What depends on few axes of the grid spans only these. An output that the track does not move is 0.
-    """
-    spread = column(column(values))
-    found = scalars(reduction, spread, 1j * omega, -np.square(omega)).values()
-    delay = omega / speed[:, None]
-    places = [np.asarray(evaluate(wheel.place, values)) for wheel in reduction.system.wheels]
-    waves = [np.exp(1j * delay * place[..., None, None]) for place in places]
-    nothing = np.zeros(delay.shape, complex)
-    result: dict[str, list[NDArray[np.complex128]]] = {}
-    for name, labels in reduction.sums.items():
-        result[name] = []
-        for terms in labels:
-            parts = [
-                np.multiply(found[k], functools.reduce(operator.add, (w * u for w, u in zip(some, waves, strict=True))))
-                for k, some in terms
-            ]
-            result[name].append(functools.reduce(operator.add, parts, nothing))
-    return result

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from freqrail.model.band import Band, band_limits
 from freqrail.model.elements import Values
-from freqrail.model.half_vehicle import half_vehicle, outputs
+from freqrail.model.half_vehicle import half_vehicle, outputs, values_of
 from freqrail.model.outputs import Output
 from freqrail.model.spectrum import Spectrum, kinks
 from freqrail.model.system import System, coefficients
@@ -108,13 +109,20 @@ def half_vehicle_problem(
     vehicle: Vehicle, speed: NDArray[np.float64], spectrum: Spectrum, band: Band | None, names: tuple[str, ...]
 ) -> Problem:
     """The problem of the paper's half vehicle; names: of its responses."""
-    return Problem(half_vehicle_reduction(names, vars(vehicle)), vars(vehicle), speed, spectrum, band)
+    return Problem(half_vehicle_reduction(names), values_of(vehicle), speed, spectrum, band)
 
 
-def half_vehicle_reduction(names: tuple[str, ...], values: Values) -> Reduction:
-    """The paper's half vehicle reduced for some of its responses; values: those of its lengths at least."""
+@cache
+def half_vehicle_reduction(names: tuple[str, ...]) -> Reduction:
+    """The paper's half vehicle reduced for some of its responses, whatever its lengths."""
     known = {output.name: output for output in outputs()}
-    return reduce(half_vehicle(), tuple(known[name] for name in names), values)
+    return reduced_for_any_lengths(tuple(known[name] for name in names))
+
+
+def reduced_for_any_lengths(wanted: tuple[Output, ...]) -> Reduction:
+    """The paper's half vehicle reduced for some outputs, whatever its lengths."""
+    system = half_vehicle()
+    return reduce(system, wanted, {name: np.array([1.0, 2.0]) for name in system.lengths})
 
 
 def cells(shape: tuple[int, ...], most: int) -> list[tuple[slice, ...]]:

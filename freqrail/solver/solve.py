@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from freqrail.model.spectrum import frequency_psd
 from freqrail.solver import block_quadrature, block_residues, quadrature
-from freqrail.solver.block_lags import places_of, transfer, weighted_nodes
+from freqrail.solver.block_lags import places_of, weighted_nodes
 from freqrail.solver.block_poles import poles
 from freqrail.solver.detours import weighted_detours, without
 from freqrail.solver.panels import SharedPanels, own_edges, shared_panels, speed_groups
@@ -34,6 +34,7 @@ from freqrail.solver.quadrature import MeanSquare
 from freqrail.solver.resonances import Resonances, every_pole, resonances, resonances_of_each
 from freqrail.solver.rounding import rounding_errors
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE, Solution
+from freqrail.solver.transfer import transfer_functions
 from freqrail.types import Progress
 
 REFINE_ABOVE = 1e-8  # a shared-node result whose estimate exceeds this is computed anew with nodes of its own
@@ -236,7 +237,7 @@ def psd(
     for _, group in cells_by_geometry(study, PSD_BLOCK // (frequency.size * study.speed.size)):
         for cell in group:
             part = study.cut(cell)
-            found = transfer(part.reduction, part.values, 2 * np.pi * frequency, study.speed)
+            found = transfer_functions(part.reduction, part.values, 2 * np.pi * frequency, study.speed)
             for name, labels in found.items():
                 for place, each in enumerate(labels):
                     at: tuple[Any, ...] = (place, *cell)

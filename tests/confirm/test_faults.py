@@ -199,9 +199,15 @@ def test_a_fault_in_the_ladder_is_not_seen_by_the_kernel_check_but_by_the_solver
         masses, legs = true(vehicle, chain)
         return masses, [(stiffness / factor, damping, joint) for stiffness, damping, joint in legs]
 
+    def softer_lines(vehicle, *given):
+        springs = {f"{stage}_stiffness": getattr(vehicle, f"{stage}_stiffness") / factor for stage in chains.STAGES}
+        return lines(replace(vehicle, **springs), *given)
+
+    lines = crosschecks.half_vehicle_transfer
     plain = carry_out(plan)
     for module in (chains, chain_columns):
         monkeypatch.setattr(module, "ladder", softer)
+    monkeypatch.setattr(crosschecks, "half_vehicle_transfer", softer_lines)
     found = carry_out(plan)
     told = outside(found)
     assert "kernel" not in told
@@ -228,8 +234,8 @@ def test_lines_that_respond_too_much_are_seen_by_the_kernel_check(plan, simulate
 
 
 def test_lines_whose_lags_are_those_of_another_speed_are_seen_by_the_kernel_check(plan, simulated, monkeypatch):
-    true = crosschecks.track_response
-    monkeypatch.setattr(crosschecks, "track_response", lambda a, b, c, speed, e: true(a, b, c, 1.01 * speed, e))
+    true = crosschecks.half_vehicle_transfer
+    monkeypatch.setattr(crosschecks, "half_vehicle_transfer", lambda *given: true(*given[:3], 1.01 * given[3]))
     assert outside(judged(plan, simulated)) == {"kernel": ALL}
 
 
