@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from freqrail.model.spectrum import angular_psd
 from freqrail.model.system import evaluate
-from freqrail.solver.block_poles import multiplier
+from freqrail.solver.block_poles import LIGHT, multiplier
 from freqrail.solver.detours import Detour
 from freqrail.solver.problem import Problem
 from freqrail.solver.quadrature import EPSILON, ROUNDING
@@ -40,13 +40,16 @@ def rounding_errors(
     highest = BEYOND * np.max(np.abs(every_pole(found).imag), initial=1.0)
     phase = EPSILON * np.where(np.isinf(study.limits[1]), highest, study.limits[1]) * longest_lags(study)
     near = {index: each.some(~_gone_around(each, around)) for index, each in found.items()}
+    # residues of damped poles that are nearly one are large and cancel, but no peak hangs on them
+    light = {index: each.some(np.abs(each.poles.real) < LIGHT * np.abs(each.poles)) for index, each in near.items()}
     result = {}
     for name in study.names:
         blocks = study.reduction.blocks_in(name)
         poles = np.concatenate([near[index].poles for index in blocks])
         shift = np.concatenate([near[index].shift for index in blocks])
-        errors = _peak_errors(study, name, {index: near[index] for index in blocks})
-        result[name] = rounding(poles, study.limits, shift, errors) + phase
+        peaks = np.concatenate([light[index].poles for index in blocks])
+        errors = _peak_errors(study, name, {index: light[index] for index in blocks})
+        result[name] = rounding(poles, study.limits, shift) + beside_peaks(peaks, study.limits, errors) + phase
         if not all(found[index].known.all() for index in blocks):
             result[name] = np.full_like(result[name], np.inf)
     return result
@@ -124,30 +127,38 @@ def longest_lags(study: Problem) -> Array:
     return np.asarray(np.max(np.max(places, axis=0) - np.min(places, axis=0)) / study.speed)
 
 
-def rounding(
-    poles: NDArray[np.complex128],
-    limits: Array,
-    shift: Array | float = 0.0,
-    errors: Array | float = 0.0,
-) -> Array:
+def rounding(poles: NDArray[np.complex128], limits: Array, shift: Array | float = 0.0) -> Array:
     """Relative errors [m] that rounding leaves in integrals over limits [2, m] with resonances at `poles` [n], rad/s.
 
     Near a resonance the response is a difference of large numbers: rounding over the distance of the band from the
     pole, relative to its frequency (the damping ratio, if the band holds the resonance). In a narrow band the
-    differences of the nodes carry the rounding of their frequencies. shift, errors: of each pole, how far rounding
-    moves it and what it leaves of the peak there, relatively (`resonances.Resonances`): counted where they
-    are `UNUSUAL`.
+    differences of the nodes carry the rounding of their frequencies. shift: how far rounding moves each pole,
+    relatively (`resonances.Resonances`): counted where it is `UNUSUAL`.
     """
     size, frequency = np.abs(poles)[:, None], np.abs(poles.imag)[:, None]
-    outside = np.maximum(0.0, np.maximum(limits[0] - frequency, frequency - limits[1]))
     moved = np.where(~(np.asarray(shift) <= UNUSUAL), shift, 0.0)[..., None]
-    spoilt = np.asarray(errors) if np.ndim(errors) == 2 else np.asarray(errors)[..., None]
-    spoilt = np.where(~(spoilt <= UNUSUAL), spoilt, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.hypot(outside, poles.real[:, None])
+        distance = np.hypot(_outside(frequency, limits), poles.real[:, None])
         sharpness = np.where(frequency > 0, size / distance, 0.0)
         narrow = np.where(np.isfinite(limits[1]), limits[1] / (limits[1] - limits[0]), 1.0)
-        # an element is small, and so its error large, beside the pole only
-        near_pole = np.where(spoilt > 0, 1.0 / (outside / (EPSILON * size) + 1.0 / spoilt), 0.0)
-        unusual = np.max(np.where(frequency > 0, moved * size / distance + near_pole, 0.0), axis=0, initial=0.0)
+        unusual = np.max(np.where(frequency > 0, moved * size / distance, 0.0), axis=0, initial=0.0)
     return ROUNDING + 4 * EPSILON * (np.max(sharpness, axis=0, initial=0.0) + narrow) + unusual
+
+
+def beside_peaks(poles: NDArray[np.complex128], limits: Array, errors: Array) -> Array:
+    """Relative errors [m] of integrals over limits [2, m] by what rounding leaves of peaks at `poles` [n], rad/s.
+
+    errors: [n] or [n, m], relative: in full if the peak is in the band, and falling off with its distance. A response
+    is small, and so its error large, beside the pole only.
+    """
+    size, frequency = np.abs(poles)[:, None], np.abs(poles.imag)[:, None]
+    spoilt = errors if errors.ndim == 2 else errors[:, None]
+    spoilt = np.where(~(spoilt <= UNUSUAL), spoilt, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near = np.where(spoilt > 0, 1.0 / (_outside(frequency, limits) / (EPSILON * size) + 1.0 / spoilt), 0.0)
+    return np.max(near, axis=0, initial=0.0)
+
+
+def _outside(frequency: Array, limits: Array) -> Array:
+    """How far frequencies [n, 1] are outside limits [2, m], rad/s."""
+    return np.maximum(0.0, np.maximum(limits[0] - frequency, frequency - limits[1]))
