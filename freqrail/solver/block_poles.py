@@ -28,7 +28,7 @@ Complex = NDArray[np.complex128]
 
 SPREAD = 1e-8  # smallest eigenvalue over the largest below which the slow ones are computed apart
 UNSURE = 5e-4  # relative error of a pole above which it is lost, if it is light
-SURE = 0.1  # relative error of a light pole's real part, and of any damped one, up to which it counts as known
+SURE = 0.1  # relative error of a light pole's real part up to which it counts as known
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,8 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     peak = np.where(light, real_part_error, 0.0)
     p = np.where(light, real_part + 1j * p.imag, p)
     shift = (np.abs(found.step) + found.shift) / np.abs(p)
-    lost = ~((shift < np.where(light, UNSURE, SURE)) & (p.real <= 0) & (peak < SURE))
+    # of a damped pole what is read at -p tells how wrong it is
+    lost = ~((shift < np.where(light, UNSURE, np.inf)) & (p.real <= 0) & (peak < SURE))
     residues, rounding, constants = {}, {}, {}
     for k, scalar in some.items():
         row, factor, of_factor = np.zeros(found.z.shape), 1.0, 0.0

@@ -125,8 +125,8 @@ def _told(
 
 
 def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sample: bool) -> NDArray[np.bool_]:
-    """Whether a block's poles are known, [grid..., k]."""
-    known = ~each.lost
+    """Whether a block's poles are known, [grid..., k]; what does not oscillate is no peak."""
+    known = ~each.lost | (each.poles.imag == 0)
     shape = each.raw.shape[:-1]
     for place in np.argwhere(np.any(is_lost(each.raw), axis=-1)):
         at = tuple(map(int, place))
