@@ -141,7 +141,7 @@ class _Power(Law):
         return {self.name: s**self.power, BY_S: self.power * np.multiply(values[self.name], s ** (self.power - 1))}
 
     def polynomials(self, values: Values) -> tuple[Polynomial, Polynomial]:
-        return [0.0] * self.power + [values[self.name]], [1.0]
+        return [0.0] * self.power + [np.asarray(values[self.name])], [1.0]
 
 
 class Dashpot(_Power):

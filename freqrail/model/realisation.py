@@ -56,7 +56,7 @@ def of_quotient(n: Polynomial, d: Polynomial) -> Realisation:
     """The realisation of n(s)/d(s), whose numerator's degree is at most two above the denominator's.
 
     A denominator whose leading coefficients vanish, as those of rigid joints do, gives branches with tau = 0: plain
-    dashpots, at every place of the grid as it is there.
+    dashpots, at every place of the grid as it is there. So a law has as many branches whatever its numbers.
     """
     while len(n) > 1 and len(d) > 1 and _none(n[0]) and _none(d[0]):
         n, d = n[1:], d[1:]
@@ -104,4 +104,5 @@ def _by_roots(k: Number, b: Number, m: Polynomial, d: Polynomial) -> Realisation
 
 
 def _none(x: Number) -> bool:
-    return isinstance(x, float) and x == 0.0
+    """Whether a coefficient is not there in any law of its kind; a number that happens to be 0 is no plain float."""
+    return type(x) is float and x == 0.0
