@@ -19,8 +19,8 @@ from freqrail.reduction.blocks import Block
 from freqrail.reduction.columns import Reduction, Scalar
 from freqrail.reduction.forms import Lengths
 from freqrail.solver.block_response import used
+from freqrail.solver.closed_form import EPSILON, FAR, LIGHT
 from freqrail.solver.free_oscillation import clusters, polished, real_parts, together
-from freqrail.solver.partial_fractions import EPSILON, FAR, LIGHT
 from freqrail.types import Number
 
 Array = NDArray[np.float64]

@@ -27,8 +27,8 @@ from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_poles import Array, Expansion
 from freqrail.solver.block_quadrature import shape_of
 from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, track_terms
+from freqrail.solver.closed_form import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.solver.quadrature import MeanSquare
-from freqrail.solver.residues import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.types import Number
 
 DEFECT = 0.05  # slope of a pole over its terms below which a pole near it may be merging with it

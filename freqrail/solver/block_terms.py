@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
+from freqrail.model.inputs import cos_sin
 from freqrail.model.spectrum import RationalSpectrum
-from freqrail.reduction.chain_columns import cos_sin
 from freqrail.reduction.columns import Column, Reduction, lag_sums
 from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier
 from freqrail.solver.block_response import column, scalars
-from freqrail.solver.partial_fractions import EPSILON
-from freqrail.solver.residues import LOSS, SAFETY
+from freqrail.solver.closed_form import EPSILON, LOSS, SAFETY
 from freqrail.types import Number
 
 

@@ -22,7 +22,7 @@ from freqrail.model.elements import BY_S, Law, Values
 from freqrail.reduction.blocks import Block
 from freqrail.reduction.forms import Lengths
 from freqrail.solver.block_response import parts_of
-from freqrail.solver.partial_fractions import EPSILON, POLISHING
+from freqrail.solver.closed_form import EPSILON, POLISHING
 from freqrail.types import Number
 
 Array = NDArray[np.float64]
