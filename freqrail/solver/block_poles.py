@@ -28,6 +28,7 @@ Complex = NDArray[np.complex128]
 
 SPREAD = 1e-8  # smallest eigenvalue over the largest below which the slow ones are computed apart
 UNSURE = 5e-4  # relative error of a pole above which it is lost
+NOWHERE = -2e9  # a pole that is not there, where no response is read
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Expansion:
     k], the slope z^T K' z over the sizes of its terms, 0 where two poles have become one. light: [grid..., k], lightly
     damped. shift: [grid..., k], possible relative errors of the poles. lost: [grid...], a pole that no polishing found,
     or that a vehicle cannot have. states: number of states, as many as poles with their conjugates for any vehicle.
+
+    In memory the poles come first: expressions over them run along the grid. Every grid has all axes, some of length 1.
     """
 
     poles: Complex
@@ -55,21 +58,34 @@ class Expansion:
     states: int
 
     def fractions(self, which: Sequence[int], s: Complex) -> tuple[Complex, Array]:
-        """B of some scalars at s [grid..., n], and what rounding may leave of them: [grid..., scalars, n]."""
-        residues, rounding = (np.stack([table[i] for i in which], axis=-2) for table in (self.residues, self.rounding))
-        constants = np.array([self.constants[i] for i in which])[:, None]
-        s = s[..., None, :]
-        total: Number = constants + 0 * s
-        known: Number = 4 * EPSILON * np.abs(total)
-        for k in range(self.poles.shape[-1]):  # one by one: the order of a sum's terms would depend on the shape
-            p, some = (x[..., k, None, None] for x in (self.poles, self.weight))
-            r, error = residues[..., k, None], rounding[..., k, None]
-            for present, p_k, r_k in ((some > 0, p, r), (some > 1, np.conj(p), np.conj(r))):
-                near = np.where(present, 1.0 / (s - p_k), 0.0)
-                term = np.multiply(r_k, near)
-                total = total + term
-                known = known + np.abs(near) * error + 4 * EPSILON * np.abs(term)
-        return total, known
+        """B of some scalars at s [grid..., n], and what rounding may leave of them: [scalars, grid..., n]."""
+        present = self.weight > 0
+        p = _first(np.where(present, self.poles, NOWHERE))
+        s = _first(s)
+        residues, errors = (
+            np.stack([_first(np.where(present, table[i], 0.0)) for i in which], axis=1)
+            for table in (self.residues, self.rounding)
+        )
+        mirrored = np.where(_first(self.weight)[:, None] > 1, np.conj(residues), 0.0)  # those of the conjugates
+        errors = errors + 4 * EPSILON * np.abs(residues)
+        shape = (len(which), *np.broadcast_shapes(s.shape, (1, *p.shape[1:])))
+        result, known = np.empty(shape, complex), np.empty(shape)
+        for i, k in enumerate(which):
+            result[i], known[i] = self.constants[k], 4 * EPSILON * np.abs(self.constants[k])
+        for k in range(len(p)):  # one by one: the order of a sum's terms would depend on the shape
+            near, beside = 1.0 / (s - p[k]), 1.0 / (s - np.conj(p[k]))
+            size, size_beside = np.abs(near), np.abs(beside)
+            size_beside = size + np.where(_first(self.weight)[k] > 1, size_beside, 0.0)
+            for i in range(len(which)):
+                result[i] += np.multiply(residues[k, i], near)
+                result[i] += np.multiply(mirrored[k, i], beside)
+                known[i] += size_beside * errors[k, i]
+        return np.moveaxis(result, 1, -1), np.moveaxis(known, 1, -1)
+
+
+def _first(values: NDArray) -> NDArray:
+    """Values [grid..., k] with the last axis first."""
+    return np.moveaxis(values, -1, 0)
 
 
 def bases(reduction: Reduction) -> Reduction:
@@ -206,22 +222,24 @@ def expand(reduction: Reduction, values: Values) -> dict[int, Expansion]:
 
 def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: Values) -> Expansion:
     raw = poles(block, lengths, values)
+    states = raw.shape[-1]
     rows = [entry for scalar in some.values() for entry in lengths.evaluate(scalar.row, values)]
-    raw = np.broadcast_to(raw, (*np.broadcast_shapes(raw.shape[:-1], *map(np.shape, rows)), raw.shape[-1]))
+    vehicles = np.broadcast_shapes(raw.shape[:-1], *map(np.shape, rows), (1,) * max(map(np.ndim, values.values())))
+    raw = _first(np.broadcast_to(raw, (*vehicles, states)))
     near = (np.abs(raw) < FAR) | (np.abs(raw.imag) > LIGHT * np.abs(raw))
     weight = np.where(raw.imag > 0, 2.0, np.where(raw.imag < 0, 0.0, 1.0)) * near
-    count = max(1, int(np.max(np.sum(weight > 0, axis=-1), initial=1)))
-    order = np.argsort(-weight, axis=-1, kind="stable")[..., :count]
-    weight, upper = (np.take_along_axis(x, order, axis=-1) for x in (weight, raw))
+    count = max(1, int(np.max(np.sum(weight > 0, axis=0), initial=1)))
+    order = np.argsort(-weight, axis=0, kind="stable")[:count]
+    weight, upper = (np.take_along_axis(x, order, axis=0) for x in (weight, raw))
     grid = upper.shape
     p = np.where(weight > 0, upper, -1.0 + 0j).ravel()
     own = {
-        name: np.repeat(np.broadcast_to(v, grid[:-1]).ravel(), count) if np.ndim(v) else v
+        name: np.broadcast_to(v, grid).ravel() if np.ndim(v) else v
         for name, v in values.items()
-        if name in block.parameters or _within(np.shape(v), grid[:-1])
+        if name in block.parameters or _within(np.shape(v), vehicles)
     }
     p, found = polished(block, lengths, own, p)
-    for places in clusters(p.reshape(-1, count), (weight > 0).reshape(-1, count)).values():
+    for places in clusters(p.reshape(count, -1), (weight > 0).reshape(count, -1)).values():
         p, found = together(block, lengths, own, p, found, places)
     light = np.abs(p.real) < LIGHT * np.abs(p)
     off = 1.0 + np.abs(found.step) / np.abs(p) / EPSILON
@@ -230,6 +248,11 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     p = np.where(light, real_part + 1j * p.imag, p)
     shift = (np.abs(found.step) + found.shift) / np.abs(p)
     lost = ~((shift < UNSURE) & (p.real < 0))
+
+    def last(x: NDArray) -> NDArray:
+        return np.moveaxis(x.reshape(grid), 0, -1)
+
+    slope = np.abs(found.slope)
     residues, rounding, constants = {}, {}, {}
     for k, scalar in some.items():
         if scalar.quantity == "displacement":
@@ -240,19 +263,20 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
             u, u_error = found.e[scalar.of], found.e_errors[scalar.of]
         f, f_error = found.f[scalar.strut], found.f_errors[scalar.strut]
         residue = np.multiply(u, f) / found.slope
-        own_error = (u_error * np.abs(f) + np.abs(u) * f_error) / np.abs(found.slope)
-        residues[k] = residue.reshape(grid)
-        rounding[k] = ((own_error + np.abs(residue) * found.slope_error) * off + np.abs(residue) * peak).reshape(grid)
+        own_error = (u_error * np.abs(f) + np.abs(u) * f_error) / slope
+        residues[k] = last(residue)
+        rounding[k] = last((own_error + np.abs(residue) * found.slope_error) * off + np.abs(residue) * peak)
         constants[k] = -1.0 if scalar.quantity == "elongation" and scalar.of == scalar.strut else 0.0
+    there = weight > 0
     return Expansion(
-        np.where(weight > 0, p.reshape(grid), np.where(np.isnan(upper), np.nan, -1.0)),
-        weight,
+        last(np.where(there, p.reshape(grid), np.where(np.isnan(upper), np.nan, -1.0))),
+        last(weight),
         residues,
         rounding,
         constants,
-        (np.abs(found.slope) / found.size).reshape(grid),
-        light.reshape(grid),
-        shift.reshape(grid),
-        np.any(lost.reshape(grid) & (weight > 0), axis=-1),
-        raw.shape[-1],
+        last(slope / found.size),
+        last(light),
+        last(shift),
+        np.any(lost.reshape(grid) & there, axis=0),
+        states,
     )

@@ -112,7 +112,7 @@ def read_blocks(reduction: Reduction, values: Values) -> dict[int, ReadBlock]:
         errors = {}
         fractions, rounded = each.fractions(tuple(each.residues), at)
         for place, (k, residue) in enumerate(each.residues.items()):
-            known, missing = rounded[..., place, :], np.abs(fractions[..., place, :] - direct[k])
+            known, missing = rounded[place], np.abs(fractions[place] - direct[k])
             beyond = np.maximum(0.0, missing - known - LOSS / SAFETY * np.abs(direct[k]))
             own = np.where(each.light, each.rounding[k], SAFETY * each.shift * np.abs(residue))
             error = SAFETY * 2 * np.abs(p) * np.where(each.light, beyond, missing) + own
@@ -155,7 +155,7 @@ def pole_terms(
         for place, y in enumerate(some):
             wrong = _total(np.moveaxis(weights_of * other.residue_errors[y][..., None, :], -1, 0))
             mirrors[y] = (
-                block.mirrored[y] * np.where(each.light, fractions[..., place, :], block.direct[y]),
+                block.mirrored[y] * np.where(each.light, fractions[place], block.direct[y]),
                 np.abs(block.mirrored[y]) * np.where(each.light, wrong, 0.0),
             )
     weights: dict[int, Number] = {}
@@ -329,7 +329,7 @@ def _check(direct: list[Number], errors: dict[int, Number], some: list[int], blo
         apart = np.abs(s - each.poles[..., k, None])[..., None, :]
         known = known + np.where(each.weight[..., k, None, None] > 0, lacking[..., k, None] / apart, 0.0)
     for place, k in enumerate(some):
-        fractions, wrong = found[..., place, :], known[..., place, :]
+        fractions, wrong = found[place], known[..., place, :]
         difference = np.abs(direct[k] - fractions)
         bad = ~(difference <= wrong + LOSS * np.abs(fractions))
         direct[k] = np.where(bad, fractions, direct[k])
