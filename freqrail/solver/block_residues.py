@@ -15,6 +15,8 @@ cancel, though their sum is smooth. There the value is interpolated from vehicle
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Iterator
 from typing import Any
 
@@ -26,7 +28,8 @@ from freqrail.model.spectrum import RationalSpectrum, Spectrum
 from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_poles import Array, Expansion
 from freqrail.solver.block_quadrature import shape_of
-from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, track_terms
+from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, rows_of
+from freqrail.solver.block_waves import add_pole_terms, label_sums, track_terms
 from freqrail.solver.closed_form import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.solver.quadrature import MeanSquare
 from freqrail.types import Number
@@ -56,8 +59,8 @@ def whole_axis_mean_squares(
         parts = [(weight, _mean_squares(reduction, own, each, speed)) for weight, each in spread(spectrum)]
     result = {}
     for name in reduction.columns:
-        value = np.sum([weight * part[name].value for weight, part in parts], axis=0)
-        error = np.sum([abs(weight) * part[name].error for weight, part in parts], axis=0)
+        value = functools.reduce(operator.add, (weight * part[name].value for weight, part in parts))
+        error = functools.reduce(operator.add, (abs(weight) * part[name].error for weight, part in parts))
         shape = (value.shape[0], *grid, value.shape[-1])
         result[name] = MeanSquare(value.reshape(shape), error.reshape(shape))
     return result
@@ -137,35 +140,26 @@ def _sum_of_residues(
 
     speed: [speeds], or [grid..., speeds] with axes of length 1 where it is common to the vehicles.
     """
-    rows = [(name, each) for name, some in reduction.columns.items() for each in some]
+    rows, groups = rows_of(reduction)
     products = products_of(rows)
     distances = distances_of(reduction, values)
-    lags = distances.factors[..., [each.lag for _, each in rows], :]
     blocks = read_blocks(reduction, values)
     shape = (*shape_of(values), speed.shape[-1])
     loss = losses_of(reduction, rows, blocks)
-    totals, errors = np.zeros((2, *shape[:-1], len(rows), shape[-1]))
+    total, error = np.zeros((2, *shape[:-1], len(rows), shape[-1]))
     for index in blocks:
         own = [each for each in products if reduction.scalars[each.x].block == index]
         if own:
-            value, error = pole_terms(blocks, index, own, len(rows), reduction, lags, distances, loss, spectrum, speed)
-            totals += value
-            errors += error
-    for value, error in track_terms(reduction, values, blocks, products, lags, distances, spectrum, speed):
-        totals += value
-        errors += error
-    result = {}
-    for output in reduction.outputs:
-        value, error = np.zeros((2, len(output.taps), *shape))
-        for row, (name, each) in enumerate(rows):
-            if name == output.name:
-                for label, weight in enumerate(each.weights):
-                    if weight:
-                        value[label] += weight * totals[..., row, :]
-                        error[label] += abs(weight) * errors[..., row, :]
-        result[output.name] = MeanSquare(value, np.where(np.isnan(error), np.inf, error))
+            terms = pole_terms(blocks, index, own, groups, reduction, values, loss)
+            add_pole_terms(total, error, terms, distances, spectrum, speed)
+    for cell, value, uncertain in track_terms(
+        reduction, values, blocks, products, groups, distances, spectrum, speed, shape[:-1]
+    ):
+        total[cell] += value
+        error[cell] += uncertain
+    found = label_sums(reduction, rows, total, error)
     singular = _singular([block.expansion for block in blocks.values()], spectrum, speed)
-    return result, np.broadcast_to(singular, shape)
+    return {name: MeanSquare(*each) for name, each in found.items()}, np.broadcast_to(singular, shape)
 
 
 def _singular(expansions: list[Expansion], spectrum: RationalSpectrum, speed: Array) -> NDArray[np.bool_]:
