@@ -225,7 +225,7 @@ def _mirrored(
         for place, y in enumerate(some):
             scalar = reduction.scalars[y]
             factor = multiplier(scalar, reduction.blocks[scalar.block], spread_values, -p)
-            base, wrong = block.direct[y], 0.0
+            base, wrong = block.direct[y], np.zeros(1)
             if some_light:
                 errors = np.moveaxis(other.residue_errors[y], -1, 0)[..., None]
                 wrong = np.where(each.light, _total(map(np.multiply, weights, errors)), 0.0)

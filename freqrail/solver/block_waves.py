@@ -8,13 +8,13 @@ others.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.model.inputs import cos_sin
-from freqrail.model.spectrum import RationalSpectrum
 from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_poles import Array, Complex, bases, multiplier
 from freqrail.solver.block_response import column, scalars
@@ -28,8 +28,20 @@ AT_ONCE = 1 << 17  # numbers that a cell's waves hold: few enough to stay in the
 Cell = tuple[slice, ...]
 
 
+@dataclass(frozen=True)
+class Track:
+    """A spectrum of eq. (11): roughness and cut-offs, floats, or [grid...] where each vehicle has its own."""
+
+    roughness: Number
+    cutoffs: tuple[Number, Number]
+
+    def part(self, cell: Cell) -> Track:
+        """That of the vehicles in a cell."""
+        return Track(_part(self.roughness, cell, 0), (_part(self.cutoffs[0], cell, 0), _part(self.cutoffs[1], cell, 0)))
+
+
 def add_pole_terms(
-    total: Array, error: Array, terms: PoleTerms, distances: Distances, spectrum: RationalSpectrum, speed: Array
+    total: Array, error: Array, terms: PoleTerms, distances: Distances, track: Track, speed: Array
 ) -> None:
     """Add what the poles of a block are worth to every row: total and error, [grid..., rows, speeds].
 
@@ -43,7 +55,7 @@ def add_pole_terms(
     factors = np.ascontiguousarray(factors[..., some])
     sizes = np.sum(np.abs(factors), axis=-1)
     shapes = (each.poles.shape[:-1], speed.shape[:-1], factors.shape[:-2], *(np.shape(distances.d[k]) for k in some))
-    own = np.broadcast_shapes((1,) * axes, *shapes)
+    own = np.broadcast_shapes((1,) * axes, *shapes, *map(np.shape, track.cutoffs), np.shape(track.roughness))
     most = AT_ONCE // (2 * each.states * speed.shape[-1] * len(some))
     for cell in _cells(own, most):
         waves, density = _waves(
@@ -53,7 +65,7 @@ def add_pole_terms(
             distances,
             some,
             [_part(d, cell, 0) for d in distances.d],
-            spectrum,
+            track.part(cell),
             _part(speed, cell, 1),
         )
         grid = waves.shape[:-4]
@@ -93,7 +105,7 @@ def _waves(
     distances: Distances,
     some: list[int],
     d: list[NDArray],
-    spectrum: RationalSpectrum,
+    track: Track,
     speed: Array,
 ) -> tuple[Array, Array]:
     """G(s) e^{s d} at poles p [grid..., k] for some distances d at every speed, and |G|, [grid..., states, speeds].
@@ -101,10 +113,11 @@ def _waves(
     The waves are [grid..., distances, 2, states, speeds]: real and imaginary parts at each pole, then zeros.
     """
     v = speed[..., None, :]
-    low, high = (np.square(v * cutoff) for cutoff in spectrum.cutoffs)
+    roughness, *cutoffs = (np.asarray(x)[..., None, None] for x in (track.roughness, *track.cutoffs))
+    low, high = (np.square(v * cutoff) for cutoff in cutoffs)
     s2 = np.square(p)[..., None]
     # S_v(omega/v)/v with omega^2 = -s^2 (eq. 11)
-    density = spectrum.roughness * spectrum.cutoffs[1] ** 2 * v**3 / np.multiply(low - s2, high - s2)
+    density = roughness * cutoffs[1] ** 2 * v**3 / np.multiply(low - s2, high - s2)
     if not np.all(present > 0):
         density = np.where(present[..., None] > 0, density, 0.0)
     shape = np.broadcast_shapes(density.shape, *((*np.shape(d[k]), 1, 1) for k in some))
@@ -156,7 +169,7 @@ def track_terms(
     products: list[Product],
     groups: list[Group],
     distances: Distances,
-    spectrum: RationalSpectrum,
+    track: Track,
     speed: Array,
     shape: tuple[int, ...],
 ) -> Iterator[tuple[Cell, Array, Array]]:
@@ -167,8 +180,9 @@ def track_terms(
     against partial fractions.
     """
     pairs = list(dict.fromkeys((product.x, product.y) for product in products))
-    weight, size = _track_weights(products, pairs, groups, distances, spectrum)
-    read = [_at_track_pole(reduction, values, blocks, -cutoff * speed) for cutoff in spectrum.cutoffs]
+    weight, size = _track_weights(products, pairs, groups, distances, track)
+    poles = [-np.asarray(cutoff)[..., None] * speed for cutoff in track.cutoffs]
+    read = [_at_track_pole(reduction, values, blocks, q) for q in poles]
     count, speeds = len(pairs), speed.shape[-1]
     for cell in _cells(shape, AT_ONCE // (2 * count * speeds)):
         inside = tuple(len(range(n)[part]) for part, n in zip(cell, shape, strict=True))
@@ -188,14 +202,14 @@ def _track_weights(
     pairs: list[tuple[int, int]],
     groups: list[Group],
     distances: Distances,
-    spectrum: RationalSpectrum,
+    track: Track,
 ) -> tuple[Array, Array]:
     """What each pair of scalars at each of the track's poles is worth in every row, and the sum of its terms' sizes.
 
     [rows, 2 x pairs], or [grid..., rows, 2 x pairs] where lengths vary.
     """
-    low, high = spectrum.cutoffs
-    scale = spectrum.roughness * high**2 / (high**2 - low**2) / 2
+    low, high = track.cutoffs
+    scale = track.roughness * high**2 / (high**2 - low**2) / 2
     place = {pair: k for k, pair in enumerate(pairs)}
     lag_of = {row: group.lag for group in groups for row in range(group.rows.start, group.rows.stop)}
     weights, sizes = [], []
@@ -219,7 +233,7 @@ def _at_track_pole(
     """Every scalar at poles q of the track and at -q, real, [grid..., speeds], and possible errors of some at q."""
     plain, spread_values = bases(reduction), column(values)
     found = scalars(plain, spread_values, q, np.square(q))
-    direct, errors = found.values(), {}
+    direct, errors = found.values(), dict[int, Number]()
     divided = [k for k, x in enumerate(found.fractions) if x.denominator < 0]
     for block in blocks.values():
         some = [k for k in block.expansion.residues if k in divided]
