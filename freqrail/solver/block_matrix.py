@@ -18,6 +18,7 @@ import functools
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from freqrail.types import Number
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+CANCELLING = 1e-5  # a determinant smaller than this, relative to the sum of its terms' sizes, may lack digits
 ROUNDED = 4.0  # roundings in an entry of K, a product with it and a sum
 
 
@@ -94,12 +96,17 @@ class Matrix:
         return result
 
 
-def matrix_at(block: Block, lengths: Lengths, values: Values, s: Complex, scale: Array | None = None) -> Matrix:
-    """K at s [n], with a scale of its own or one given; values: of each s's vehicle, floats or [n]."""
+def matrix_at(
+    block: Block, lengths: Lengths, values: Values, s: Complex, scale: Array | None = None, errors: bool = True
+) -> Matrix:
+    """K at s [n], with a scale of its own or one given; values: of each s's vehicle, floats or [n].
+
+    errors: whether the laws' errors are wanted; else they are zero.
+    """
     n, count = block.size, len(block.struts)
     laws: dict[Law, Number] = {}
     parts = parts_of(block, lengths, values, s, np.square(s), laws)
-    found = {law: _slope(law, values, s, compliance) for law, compliance in laws.items()}
+    found = {law: _slope(law, values, s, compliance, errors) for law, compliance in laws.items()}
     compliances, slopes = np.empty((2, count, s.size), complex)
     law_errors = np.empty((count, s.size))
     for j, strut in enumerate(block.struts):
@@ -119,13 +126,17 @@ def matrix_at(block: Block, lengths: Lengths, values: Values, s: Complex, scale:
     return Matrix(s, n, diagonal, scaled, scale, parts.inertia, compliances, slopes, law_errors)
 
 
-def _slope(law: Law, values: Values, s: Complex, compliance: Number) -> tuple[Number, Number]:
+def _slope(law: Law, values: Values, s: Complex, compliance: Number, errors: bool) -> tuple[Number, Number]:
     """D'(s), and the relative error of D by the rounding of its parameters and of s."""
     slopes = law.slopes(values, s)
+    if not errors:
+        return slopes[BY_S], 0.0
     size: Number = np.abs(s * slopes[BY_S])
     for name in law.names:
-        size = size + np.nan_to_num(np.abs(values[name] * slopes[name]), nan=0.0, posinf=0.0)
-    return slopes[BY_S], 2 * EPSILON * (1.0 + np.nan_to_num(size * np.abs(compliance), nan=0.0, posinf=1 / EPSILON))
+        part = np.abs(values[name] * slopes[name])
+        size = size + np.where(part < np.inf, part, 0.0)  # a rigid spring's is no number
+    size = size * np.abs(compliance)
+    return slopes[BY_S], 2 * EPSILON * (1.0 + np.where(np.isnan(size), 0.0, np.minimum(size, 1 / EPSILON)))
 
 
 def start(count: int, struts: int) -> Array:
@@ -152,7 +163,7 @@ def bordered_inverse(matrix: Matrix, border: NDArray) -> tuple[Complex, Complex]
     for j in range(struts):
         bordered[j + 1 : struts, j] = bordered[j, j + 1 : struts]
     bordered[struts, :struts] = bordered[:struts, struts] = np.reshape(border, (struts, -1))
-    inverse = np.moveaxis(inverses(np.moveaxis(bordered, -1, 0)), 0, -1)
+    inverse = _inverses_along(bordered)
     h, y = inverse[:struts, :struts], inverse[:struts, struts]
     g = np.empty((n + struts, n + struts, count), complex)
     z = np.empty((n + struts, count), complex)
@@ -169,6 +180,60 @@ def bordered_inverse(matrix: Matrix, border: NDArray) -> tuple[Complex, Complex]
     np.negative(carried, out=g[:n, n:])
     g[n:, :n] = np.swapaxes(g[:n, n:], 0, 1)
     return g, z
+
+
+def _inverses_along(matrix: Complex) -> Complex:
+    """Of symmetric matrices [m, m, n]: of small ones by minors, unless their determinant cancels."""
+    m = len(matrix)
+    if m > 4:
+        return np.moveaxis(inverses(np.moveaxis(matrix, -1, 0)), 0, -1)
+    result = np.empty(matrix.shape, complex)
+    terms = _adjugate(matrix, result) if m < 4 else _adjugate_of_four(matrix, result)
+    determinant = total(terms)
+    result *= 1.0 / determinant
+    sure = np.abs(determinant) > CANCELLING * total(map(np.abs, terms))
+    sure &= np.isfinite(determinant)
+    if not np.all(sure):
+        rest = np.flatnonzero(~sure)
+        result[:, :, rest] = np.moveaxis(inverses(np.moveaxis(matrix[:, :, rest], -1, 0)), 0, -1)
+    return result
+
+
+def _adjugate(a: Complex, out: Complex) -> list[Complex]:
+    """The adjugate of symmetric matrices [m, m, n], m = 2 or 3, and the terms of their determinants."""
+    if len(a) == 2:
+        out[0, 0], out[1, 1] = a[1, 1], a[0, 0]
+        np.negative(a[0, 1], out=out[0, 1])
+        out[1, 0] = out[0, 1]
+        return [np.multiply(a[0, 0], a[1, 1]), np.multiply(a[0, 1], out[0, 1])]
+    for i in range(3):
+        for j in range(i, 3):
+            (p, q), (r, s) = ([k for k in range(3) if k != each] for each in (i, j))
+            minor = np.multiply(a[p, r], a[q, s]) - np.multiply(a[p, s], a[q, r])
+            out[i, j] = out[j, i] = minor if (i + j) % 2 == 0 else np.negative(minor)
+    return [np.multiply(a[0, j], out[0, j]) for j in range(3)]
+
+
+def _adjugate_of_four(a: Complex, out: Complex) -> list[Complex]:
+    """The same for m = 4, by the minors of its upper and its lower two rows (Laplace)."""
+    pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+    upper, lower = (
+        [np.multiply(a[r, i], a[r + 1, j]) - np.multiply(a[r, j], a[r + 1, i]) for i, j in pairs] for r in (0, 2)
+    )
+    # entry (i, j) of the adjugate: row j and column i left out; expanded along the row beside row j
+    for j, minors in ((0, lower), (1, lower), (2, upper), (3, upper)):
+        beside = j ^ 1
+        for i in range(j + 1):
+            columns = [k for k in range(4) if k != i]
+            value: Any = 0.0
+            for place, column in enumerate(columns):
+                first, second = (k for k in columns if k != column)
+                term = np.multiply(a[beside, column], minors[pairs.index((first, second))])
+                value = value + term if place % 2 == 0 else value - term
+            # rows other than j: the one beside stands before the lower two, or behind the upper two
+            out[i, j] = out[j, i] = value if (i + j) % 2 == 0 else np.negative(value)
+    signs = (1, -1, 1, 1, -1, 1)
+    return [sign * np.multiply(upper[k], lower[5 - k]) for k, sign in enumerate(signs)]
 
 
 def inverses(matrix: NDArray) -> NDArray:

@@ -57,30 +57,37 @@ class Expansion:
     lost: NDArray[np.bool_]
     states: int
 
-    def fractions(self, which: Sequence[int], s: Complex) -> tuple[Complex, Array]:
-        """B of some scalars at s [grid..., n], and what rounding may leave of them: [scalars, grid..., n]."""
+    def fractions(self, which: Sequence[int], s: Complex, known: bool = True) -> tuple[Complex, Array]:
+        """B of some scalars at s [grid..., n], and what rounding may leave of them: [scalars, grid..., n].
+
+        known: whether the latter is wanted; else it is zero.
+        """
         present = self.weight > 0
-        p = _first(np.where(present, self.poles, NOWHERE))
-        s = _first(s)
-        residues, errors = (
-            np.stack([_first(np.where(present, table[i], 0.0)) for i in which], axis=1)
-            for table in (self.residues, self.rounding)
-        )
-        mirrored = np.where(_first(self.weight)[:, None] > 1, np.conj(residues), 0.0)  # those of the conjugates
-        errors = errors + 4 * EPSILON * np.abs(residues)
+        p, s = _first(np.where(present, self.poles, NOWHERE)), _first(s)
+        pair = _first(self.weight) > 1
         shape = (len(which), *np.broadcast_shapes(s.shape, (1, *p.shape[1:])))
-        result, known = np.empty(shape, complex), np.empty(shape)
+        result, left = np.empty(shape, complex), np.zeros(shape)
         for i, k in enumerate(which):
-            result[i], known[i] = self.constants[k], 4 * EPSILON * np.abs(self.constants[k])
+            result[i] = self.constants[k]
+            left[i] = 4 * EPSILON * abs(self.constants[k])
+        tables = [_first(np.where(present, self.residues[k], 0.0)) for k in which]
+        mirrored = [np.where(pair, np.conj(table), 0.0) for table in tables]
+        errors = [_first(np.where(present, self.rounding[k], 0.0)) for k in which if known]
+        errors = [error + 4 * EPSILON * np.abs(table) for error, table in zip(errors, tables, strict=False)]
         for k in range(len(p)):  # one by one: the order of a sum's terms would depend on the shape
-            near, beside = 1.0 / (s - p[k]), 1.0 / (s - np.conj(p[k]))
-            size, size_beside = np.abs(near), np.abs(beside)
-            size_beside = size + np.where(_first(self.weight)[k] > 1, size_beside, 0.0)
+            near = 1.0 / (s - p[k])
+            beside = 1.0 / (s - np.conj(p[k])) if np.any(pair[k]) else None
+            if known:
+                size = np.abs(near)
+                if beside is not None:
+                    size += np.where(pair[k], np.abs(beside), 0.0)
             for i in range(len(which)):
-                result[i] += np.multiply(residues[k, i], near)
-                result[i] += np.multiply(mirrored[k, i], beside)
-                known[i] += size_beside * errors[k, i]
-        return np.moveaxis(result, 1, -1), np.moveaxis(known, 1, -1)
+                result[i] += np.multiply(tables[i][k], near)
+                if beside is not None:
+                    result[i] += np.multiply(mirrored[i][k], beside)
+                if known:
+                    left[i] += size * errors[i][k]
+        return np.moveaxis(result, 1, -1), np.moveaxis(left, 1, -1)
 
 
 def _first(values: NDArray) -> NDArray:

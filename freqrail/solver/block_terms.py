@@ -215,24 +215,36 @@ def _mirrored(
 ) -> dict[int, tuple[Complex, Array, Number]]:
     """Y(-p) of scalars at a block's poles p, its size, and how wrong it may be: [grid..., k]."""
     block, each = blocks[index], blocks[index].expansion
-    p, some_light = each.poles, bool(np.any(each.light))
+    p = each.poles
+    bright = np.flatnonzero(np.any(each.light, axis=tuple(range(p.ndim - 1))))  # places at which some poles are light
+    light = each.light[..., bright]
     result: dict[int, tuple[Complex, Array, Number]] = {}
     for other in blocks.values():
         some = [y for y in other.expansion.residues if y in wanted]
-        if some and some_light:
-            fractions, _ = other.expansion.fractions(some, -p)
-            weights = _mirror_weights(p, other.expansion)
+        if some and bright.size:
+            fractions = other.expansion.fractions(some, -p[..., bright], known=False)[0]
+            weights = _mirror_weights(p[..., bright], other.expansion)
         for place, y in enumerate(some):
             scalar = reduction.scalars[y]
             factor = multiplier(scalar, reduction.blocks[scalar.block], spread_values, -p)
-            base, wrong = block.direct[y], np.zeros(1)
-            if some_light:
+            value, wrong = np.multiply(factor, block.direct[y]), np.zeros(1)
+            if bright.size:
                 errors = np.moveaxis(other.residue_errors[y], -1, 0)[..., None]
-                wrong = np.where(each.light, _total(map(np.multiply, weights, errors)), 0.0)
-                base = np.where(each.light, fractions[place], base)
-            value = np.multiply(factor, base)
-            result[y] = value, np.abs(value), np.abs(factor) * wrong
+                lacking = np.where(light, _total(map(np.multiply, weights, errors)), 0.0)
+                factor = factor if np.ndim(factor) == 0 else factor[..., bright]
+                near = np.where(light, np.multiply(factor, fractions[place]), value[..., bright])
+                value, wrong = _with(value, bright, near), _with(np.zeros(p.shape), bright, np.abs(factor) * lacking)
+            result[y] = value, np.abs(value), wrong
     return result
+
+
+def _with(values: NDArray, places: NDArray[np.intp], others: NDArray) -> NDArray:
+    """Values [grid..., k] with those at some places of the last axis replaced by others, poles first in memory."""
+    shape = np.broadcast_shapes(values.shape[:-1], others.shape[:-1])
+    result = np.empty((values.shape[-1], *shape), values.dtype)
+    result[:] = np.moveaxis(np.broadcast_to(values, (*shape, values.shape[-1])), -1, 0)
+    result[places] = np.moveaxis(np.broadcast_to(others, (*shape, len(places))), -1, 0)
+    return np.moveaxis(result, 0, -1)
 
 
 def _mirror_weights(p: Complex, other: Expansion) -> list[Array]:

@@ -157,7 +157,7 @@ def _polished(block: Block, lengths: Lengths, values: Values, p: Complex) -> tup
 
 def _nearer(block: Block, lengths: Lengths, values: Values, p: Complex, border: NDArray) -> tuple[Complex, Oscillation]:
     """Poles [n] after one step, and what is known there: the vector is refined with the inverse at hand."""
-    before = matrix_at(block, lengths, values, p)
+    before = matrix_at(block, lengths, values, p, errors=False)
     carried, z = bordered_inverse(before, border)
     step = _step(before, z)
     p = np.where(np.abs(step) < STEP * np.abs(p), p + step, p)
