@@ -30,7 +30,7 @@ from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_poles import Array, Expansion
 from freqrail.solver.block_quadrature import shape_of
 from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, rows_of
-from freqrail.solver.block_waves import Track, add_pole_terms, label_sums, track_terms
+from freqrail.solver.block_waves import Track, add_pole_terms, by_output, label_sums, track_terms
 from freqrail.solver.closed_form import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.solver.quadrature import MeanSquare
 from freqrail.types import Number
@@ -160,12 +160,11 @@ def _sum_of_residues(
         if own:
             terms = pole_terms(blocks, index, own, groups, reduction, values, loss)
             add_pole_terms(total, error, terms, distances, track, speed)
-    for cell, value, uncertain in track_terms(
-        reduction, values, blocks, products, groups, distances, track, speed, grid
-    ):
-        total[cell] += value
-        error[cell] += uncertain
-    found = label_sums(reduction, rows, total, error)
+    at_labels, lost = label_sums(reduction, rows, total, error)
+    for cell, value, uncertain in track_terms(reduction, values, blocks, products, rows, distances, track, speed, grid):
+        at_labels[cell] += value
+        lost[cell] += uncertain
+    found = by_output(reduction, at_labels, lost)
     return {name: MeanSquare(*each) for name, each in found.items()}, [block.expansion for block in blocks.values()]
 
 

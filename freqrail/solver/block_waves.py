@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from freqrail.model.elements import Values
 from freqrail.model.inputs import cos_sin
 from freqrail.reduction.columns import Reduction
-from freqrail.solver.block_poles import Array, Complex, bases, multiplier
+from freqrail.solver.block_poles import NOWHERE, Array, Complex, bases, multiplier
 from freqrail.solver.block_response import column, scalars
-from freqrail.solver.block_terms import Distances, Group, PoleTerms, Product, ReadBlock, Row
+from freqrail.solver.block_terms import Distances, PoleTerms, Product, ReadBlock, Row
 from freqrail.solver.closed_form import LOSS
 from freqrail.solver.problem import cells
 from freqrail.types import Number
 
 AT_ONCE = 1 << 17  # numbers that a cell's waves hold: few enough to stay in the cache
+MORE_AT_ONCE = 1 << 19  # and its products of scalars, each of which is used less
 
 Cell = tuple[slice, ...]
 
@@ -57,14 +58,15 @@ def add_pole_terms(
     shapes = (each.poles.shape[:-1], speed.shape[:-1], factors.shape[:-2], *(np.shape(distances.d[k]) for k in some))
     own = np.broadcast_shapes((1,) * axes, *shapes, *map(np.shape, track.cutoffs), np.shape(track.roughness))
     most = AT_ONCE // (2 * each.states * speed.shape[-1] * len(some))
+    needed = _needed(some, distances)
     for cell in _cells(own, most):
         waves, density = _waves(
             np.ascontiguousarray(_part(each.poles, cell, 1)),
             _part(each.weight, cell, 1),
             each.states,
-            distances,
+            distances.sums,
             some,
-            [_part(d, cell, 0) for d in distances.d],
+            {k: _part(distances.d[k], cell, 0) for k in needed},
             track.part(cell),
             _part(speed, cell, 1),
         )
@@ -102,15 +104,16 @@ def _waves(
     p: Complex,
     present: Array,
     states: int,
-    distances: Distances,
+    sums: dict[int, tuple[int, int]],
     some: list[int],
-    d: list[NDArray],
+    d: dict[int, NDArray],
     track: Track,
     speed: Array,
 ) -> tuple[Array, Array]:
     """G(s) e^{s d} at poles p [grid..., k] for some distances d at every speed, and |G|, [grid..., states, speeds].
 
-    The waves are [grid..., distances, 2, states, speeds]: real and imaginary parts at each pole, then zeros.
+    d: of some, and before them those that they are sums of. The waves are [grid..., distances, 2, states, speeds]: real
+    and imaginary parts at each pole, then zeros.
     """
     v = speed[..., None, :]
     roughness, *cutoffs = (np.asarray(x)[..., None, None] for x in (track.roughness, *track.cutoffs))
@@ -125,11 +128,11 @@ def _waves(
     waves = np.zeros((*shape[:-2], len(some), 2, states, shape[-1]))
     pure: dict[int, Complex] = {}  # e^{s d}, where another lag is made of it
     lagged: dict[int, Complex] = {}
-    for k in _needed(some, distances, d):
+    for k in d:
         if not np.any(d[k]):
             lagged[k] = density
-        elif k in distances.sums:
-            i, j = distances.sums[k]
+        elif k in sums:
+            i, j = sums[k]
             lagged[k] = np.multiply(pure[i], lagged[j])
         else:
             pure[k] = _exponential(p, d[k][..., None, None] / v)
@@ -142,14 +145,13 @@ def _waves(
     return waves, size
 
 
-def _needed(some: list[int], distances: Distances, d: list[NDArray]) -> list[int]:
+def _needed(some: list[int], distances: Distances) -> list[int]:
     """Some distances and those that they are sums of, each after those."""
-    result: list[int] = []
+    result: dict[int, None] = {}
     for k in some:
-        for each in (*_needed(list(distances.sums.get(k, ())), distances, d), k):
-            if each not in result:
-                result.append(each)
-    return result
+        result |= dict.fromkeys(_needed(list(distances.sums.get(k, ())), distances))
+        result[k] = None
+    return list(result)
 
 
 def _exponential(p: Complex, delay: Array) -> Complex:
@@ -167,61 +169,93 @@ def track_terms(
     values: Values,
     blocks: dict[int, ReadBlock],
     products: list[Product],
-    groups: list[Group],
+    rows: list[Row],
     distances: Distances,
     track: Track,
     speed: Array,
     shape: tuple[int, ...],
 ) -> Iterator[tuple[Cell, Array, Array]]:
-    """What the poles q = -v Omega of the spectrum add to every row: (cell, value, error), [cell..., rows, speeds].
+    """What the poles q = -v Omega of the spectrum add at every label: (cell, value, error), [cell..., labels, speeds].
 
-    shape: of the grid. Scalars are read directly there. The residue of G times e^{q d} = e^{-Omega d} does not depend
-    on the speed. On the negative axis an elimination that divides may meet a pivot near zero; so what is read is held
-    against partial fractions.
+    shape: of the grid. labels: of all outputs, one after the other. Scalars are read directly there. The residue of G
+    times e^{q d} = e^{-Omega d} does not depend on the speed. On the negative axis an elimination that divides may meet
+    a pivot near zero; so what is read is held against partial fractions.
     """
     pairs = list(dict.fromkeys((product.x, product.y) for product in products))
-    weight, size = _track_weights(products, pairs, groups, distances, track)
+    one, other = ([pair[side] for pair in pairs] for side in (0, 1))
+    weight, size = _track_weights(products, pairs, rows, label_weights(reduction, rows), distances, track)
     poles = [-np.asarray(cutoff)[..., None] * speed for cutoff in track.cutoffs]
     read = [_at_track_pole(reduction, values, blocks, q) for q in poles]
     count, speeds = len(pairs), speed.shape[-1]
-    for cell in _cells(shape, AT_ONCE // (2 * count * speeds)):
+    for cell in _cells(shape, MORE_AT_ONCE // (2 * count * speeds)):
         inside = tuple(len(range(n)[part]) for part, n in zip(cell, shape, strict=True))
         terms, uncertain = np.empty((2, *inside, 2 * count, speeds))
         for k, (here, mirrored, wrong) in enumerate(read):
-            one, other, error = ({i: _part(x, cell, 1) for i, x in table.items()} for table in (here, mirrored, wrong))
-            for place, (x, y) in enumerate(pairs, start=k * count):
-                np.multiply(one[x], other[y], out=terms[..., place, :])
-                np.multiply(LOSS, np.abs(terms[..., place, :]), out=uncertain[..., place, :])
-                if x in error:
-                    uncertain[..., place, :] += error[x] * np.abs(other[y])
-        yield cell, contracted(_part(weight, cell, 2), terms), contracted(_part(size, cell, 2), uncertain)
+            x, y = (_stacked(table, cell, (*inside, speeds)) for table in (here, mirrored))
+            y = y[..., other, :]
+            place = slice(k * count, (k + 1) * count)
+            np.multiply(x[..., one, :], y, out=terms[..., place, :])
+            np.abs(terms[..., place, :], out=uncertain[..., place, :])
+            if wrong:  # in units of what else is lost
+                nothing = dict.fromkeys(here.keys() - wrong.keys(), 0.0)
+                errors = _stacked(wrong | nothing, cell, (*inside, speeds))
+                uncertain[..., place, :] += errors[..., one, :] * np.abs(y) / LOSS
+        yield cell, contracted(_part(weight, cell, 2), terms), LOSS * contracted(_part(size, cell, 2), uncertain)
+
+
+def _stacked(table: dict[int, Number], cell: Cell, shape: tuple[int, ...]) -> Array:
+    """Numbers [grid..., speeds] by index as one array of a cell, [cell..., numbers, speeds]."""
+    result = np.empty((*shape[:-1], len(table), shape[-1]))
+    for k, x in table.items():
+        result[..., k, :] = _part(x, cell, 1) if np.ndim(x) else x
+    return result
+
+
+def label_weights(reduction: Reduction, rows: list[Row]) -> Array:
+    """What every row is worth at the labels of all outputs, one after the other: [labels, rows]."""
+    places = _places_of(reduction)
+    result = np.zeros((sum(len(output.taps) for output in reduction.outputs), len(rows)))
+    for row, (name, each) in enumerate(rows):
+        result[places[name], row] = each.weights
+    return result
+
+
+def _places_of(reduction: Reduction) -> dict[str, slice]:
+    """Of every output's labels among all."""
+    result, first = {}, 0
+    for output in reduction.outputs:
+        result[output.name] = slice(first, first + len(output.taps))
+        first += len(output.taps)
+    return result
 
 
 def _track_weights(
     products: list[Product],
     pairs: list[tuple[int, int]],
-    groups: list[Group],
+    rows: list[Row],
+    labels: Array,
     distances: Distances,
     track: Track,
 ) -> tuple[Array, Array]:
-    """What each pair of scalars at each of the track's poles is worth in every row, and the sum of its terms' sizes.
+    """What each pair of scalars at each of the track's poles is worth at every label, and the sum of its terms' sizes.
 
-    [rows, 2 x pairs], or [grid..., rows, 2 x pairs] where lengths vary.
+    [labels, 2 x pairs], or [grid..., labels, 2 x pairs] where lengths or cut-offs vary.
     """
     low, high = track.cutoffs
     scale = track.roughness * high**2 / (high**2 - low**2) / 2
     place = {pair: k for k, pair in enumerate(pairs)}
-    lag_of = {row: group.lag for group in groups for row in range(group.rows.start, group.rows.stop)}
     weights, sizes = [], []
     for cutoff, residue in ((low, scale / low), (high, -scale / high)):
         decay = np.stack(np.broadcast_arrays(*(residue * np.exp(-cutoff * d) for d in distances.d)), axis=-1)
         terms = decay[..., None, :] * distances.factors
         by_lag, size_by_lag = np.sum(terms, axis=-1), np.sum(np.abs(terms), axis=-1)
-        weight, size = np.zeros((2, *by_lag.shape[:-1], len(lag_of), len(pairs)))
+        weight, size = np.zeros((2, *by_lag.shape[:-1], len(labels), len(pairs)))
         for each in products:
-            k, lag = place[each.x, each.y], lag_of[each.row]
-            weight[..., each.row, k] += each.coefficient * by_lag[..., lag]
-            size[..., each.row, k] += abs(each.coefficient) * size_by_lag[..., lag]
+            k, lag = place[each.x, each.y], rows[each.row][1].lag
+            for label in np.flatnonzero(labels[:, each.row]):
+                factor = labels[label, each.row] * each.coefficient
+                weight[..., label, k] += factor * by_lag[..., lag]
+                size[..., label, k] += abs(factor) * size_by_lag[..., lag]
         weights.append(weight)
         sizes.append(size)
     return np.concatenate(weights, axis=-1), np.concatenate(sizes, axis=-1)
@@ -254,24 +288,25 @@ def _check(direct: list[Number], errors: dict[int, Number], some: list[int], blo
 
     They become partial fractions where these differ by more than they may be wrong.
     """
-    each = block.expansion
-    count, states = each.poles.shape[-1], each.states
-    shape = np.broadcast_shapes(q.shape, (*each.poles.shape[:-1], 1))
-    near, far = np.zeros((*shape[:-1], 2, states, shape[-1])), np.zeros((*shape[:-1], states, shape[-1]))
-    reciprocal = 1.0 / (q[..., None, :] - each.poles[..., None])
-    present = each.weight[..., None]
-    reciprocal = np.where(present > 0, present * reciprocal, 0.0)
-    near[..., 0, :count, :], near[..., 1, :count, :] = reciprocal.real, reciprocal.imag
-    np.abs(reciprocal, out=far[..., :count, :])
-    near = near.reshape(*near.shape[:-3], 2 * states, -1)
-    grid = each.poles.shape[:-1]
-    residues, lacking = np.zeros((*grid, len(some), 2, states)), np.zeros((*grid, len(some), states))
+    each, axes = block.expansion, block.expansion.poles.ndim - 1
+    count, states, there = each.poles.shape[-1], each.states, each.weight > 0
+    grid = np.broadcast_shapes(q.shape[:-1], each.poles.shape[:-1], (1,) * axes)
+    residues = np.zeros((*each.poles.shape[:-1], len(some), 2, states))
+    lacking = np.zeros((*each.poles.shape[:-1], len(some), states))
     for place, k in enumerate(some):
-        residue = np.where(each.weight > 0, each.residues[k], 0.0)
+        residue = np.where(there, each.weight * each.residues[k], 0.0)
         residues[..., place, 0, :count], residues[..., place, 1, :count] = residue.real, -residue.imag
-        lacking[..., place, :count] = np.where(each.weight > 0, block.residue_errors[k], 0.0)
-    found = residues.reshape(*grid, len(some), -1) @ near
-    known = lacking @ far
+        lacking[..., place, :count] = np.where(there, each.weight * block.residue_errors[k], 0.0)
+    residues = residues.reshape(*each.poles.shape[:-1], len(some), -1)
+    found, known = np.empty((2, *grid, len(some), q.shape[-1]))
+    poles = np.where(there, each.poles, NOWHERE)
+    for cell in _cells(grid, AT_ONCE // (2 * states * q.shape[-1])):
+        near = 1.0 / (_part(q, cell, 1)[..., None, :] - np.ascontiguousarray(_part(poles, cell, 1))[..., None])
+        parts = np.zeros((*near.shape[:-2], 3, states, near.shape[-1]))
+        parts[..., 0, :count, :], parts[..., 1, :count, :] = near.real, near.imag
+        np.abs(near, out=parts[..., 2, :count, :])
+        both = parts[..., :2, :, :].reshape(*near.shape[:-2], 2 * states, -1)
+        found[cell], known[cell] = _part(residues, cell, 2) @ both, _part(lacking, cell, 2) @ parts[..., 2, :, :]
     for place, k in enumerate(some):
         fractions, wrong = each.constants[k] + found[..., place, :], known[..., place, :]
         difference = np.abs(direct[k] - fractions)
@@ -280,17 +315,16 @@ def _check(direct: list[Number], errors: dict[int, Number], some: list[int], blo
         errors[k] = np.where(bad, wrong, np.minimum(difference, wrong))
 
 
-def label_sums(reduction: Reduction, rows: list[Row], total: Array, error: Array) -> dict[str, tuple[Array, Array]]:
-    """What rows come to at the labels of every output: {output: (value, error)}, [labels, grid..., speeds]."""
-    starts = np.cumsum([0] + [len(output.taps) for output in reduction.outputs])
-    places = {output.name: slice(a, b) for output, a, b in zip(reduction.outputs, starts, starts[1:], strict=False)}
-    weights = np.zeros((starts[-1], len(rows)))
-    for row, (name, each) in enumerate(rows):
-        weights[places[name], row] = each.weights
-    value, uncertain = contracted(weights, total), contracted(np.abs(weights), error)
-    uncertain[np.isnan(uncertain)] = np.inf
-    value, uncertain = (np.moveaxis(x, -2, 0) for x in (value, uncertain))
-    return {name: (value[some], uncertain[some]) for name, some in places.items()}
+def label_sums(reduction: Reduction, rows: list[Row], total: Array, error: Array) -> tuple[Array, Array]:
+    """What rows [grid..., rows, speeds] and their errors come to at all labels: [grid..., labels, speeds]."""
+    weights = label_weights(reduction, rows)
+    return contracted(weights, total), contracted(np.abs(weights), error)
+
+
+def by_output(reduction: Reduction, value: Array, error: Array) -> dict[str, tuple[Array, Array]]:
+    """What there is at all labels, [grid..., labels, speeds], as [labels, grid..., speeds] of every output."""
+    value, error = (np.moveaxis(x, -2, 0) for x in (value, np.where(np.isnan(error), np.inf, error)))
+    return {name: (value[some], error[some]) for name, some in _places_of(reduction).items()}
 
 
 def contracted(matrix: Array, terms: Array) -> Array:
