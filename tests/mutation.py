@@ -34,6 +34,7 @@ TESTS = {
     "reduction.chains": ["reduction/test_chains.py"],
     "reduction.chain_columns": ["reduction/test_chains.py"],
     "solver.quadrature": ["solver/test_quadrature.py"],
+    "solver.closed_form": ["solver/test_residues.py", "solver/test_partial_fractions.py"],
     "solver.partial_fractions": ["solver/test_partial_fractions.py", "solver/test_residues.py"],
     "solver.residues": ["solver/test_residues.py"],
     "solver.problem": ["solver/test_problem.py"],

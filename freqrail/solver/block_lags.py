@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
+from freqrail.model.inputs import cos_sin
 from freqrail.model.spectrum import Spectrum, angular_psd
-from freqrail.reduction.chain_columns import cos_sin
 from freqrail.reduction.columns import Reduction
 from freqrail.solver.quadrature import Quadrature, WeightedNodes
 

@@ -7,6 +7,8 @@ pole the real part, which decides the height of its peak, comes from the energy 
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,8 +21,8 @@ from freqrail.reduction.blocks import Block
 from freqrail.reduction.columns import Reduction, Scalar
 from freqrail.reduction.forms import Lengths
 from freqrail.solver.block_response import used
-from freqrail.solver.free_oscillation import clusters, polished, real_parts, together
-from freqrail.solver.partial_fractions import EPSILON, FAR, LIGHT
+from freqrail.solver.closed_form import EPSILON, FAR, LIGHT
+from freqrail.solver.free_oscillation import Oscillation, clusters, polished, real_parts, together
 from freqrail.types import Number
 
 Array = NDArray[np.float64]
@@ -29,6 +31,7 @@ Complex = NDArray[np.complex128]
 SPREAD = 1e-8  # smallest eigenvalue over the largest below which the slow ones are computed apart
 UNSURE = 5e-4  # relative error of a pole above which it is lost, if it is light
 SURE = 0.1  # relative error of a light pole's real part up to which it counts as known
+NOWHERE = -2e9  # a pole that is not there, where no response is read
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class Expansion:
     that a vehicle cannot have, or whose real part rounding leaves open. states: number of states, as many as poles with
     their conjugates for any vehicle. raw: [grid..., states] rad/s, all eigenvalues as computed, those of missing states
     at -2 `FAR`.
+
+    In memory the poles come first: expressions over them run along the grid. Every grid has all axes, some of length 1.
     """
 
     poles: Complex
@@ -58,22 +63,42 @@ class Expansion:
     states: int
     raw: Complex
 
-    def fractions(self, which: Sequence[int], s: Complex) -> tuple[Complex, Array]:
-        """B of some scalars at s [grid..., n], and what rounding may leave of them: [grid..., scalars, n]."""
-        residues, rounding = (np.stack([table[i] for i in which], axis=-2) for table in (self.residues, self.rounding))
-        constants = np.array([self.constants[i] for i in which])[:, None]
-        s = s[..., None, :]
-        total: Number = constants + 0 * s
-        known: Number = 4 * EPSILON * np.abs(total)
-        for k in range(self.poles.shape[-1]):  # one by one: the order of a sum's terms would depend on the shape
-            p, some = (x[..., k, None, None] for x in (self.poles, self.weight))
-            r, error = residues[..., k, None], rounding[..., k, None]
-            for present, p_k, r_k in ((some > 0, p, r), (some > 1, np.conj(p), np.conj(r))):
-                near = np.where(present, 1.0 / (s - p_k), 0.0)
-                term = np.multiply(r_k, near)
-                total = total + term
-                known = known + np.abs(near) * error + 4 * EPSILON * np.abs(term)
-        return total, known
+    def fractions(self, which: Sequence[int], s: Complex, known: bool = True) -> tuple[Complex, Array]:
+        """B of some scalars at s [grid..., n], and what rounding may leave of them: [scalars, grid..., n].
+
+        known: whether the latter is wanted; else it is zero.
+        """
+        present = self.weight > 0
+        p, s = _first(np.where(present, self.poles, NOWHERE)), _first(s)
+        pair = _first(self.weight) > 1
+        shape = (len(which), *np.broadcast_shapes(s.shape, (1, *p.shape[1:])))
+        result, left = np.empty(shape, complex), np.zeros(shape)
+        for i, k in enumerate(which):
+            result[i] = self.constants[k]
+            left[i] = 4 * EPSILON * abs(self.constants[k])
+        tables = [_first(np.where(present, self.residues[k], 0.0)) for k in which]
+        mirrored = [np.where(pair, np.conj(table), 0.0) for table in tables]
+        errors = [_first(np.where(present, self.rounding[k], 0.0)) for k in which if known]
+        errors = [error + 4 * EPSILON * np.abs(table) for error, table in zip(errors, tables, strict=False)]
+        for k in range(len(p)):  # one by one: the order of a sum's terms would depend on the shape
+            near = 1.0 / (s - p[k])
+            beside = 1.0 / (s - np.conj(p[k])) if np.any(pair[k]) else None
+            if known:
+                size = np.abs(near)
+                if beside is not None:
+                    size += np.where(pair[k], np.abs(beside), 0.0)
+            for i in range(len(which)):
+                result[i] += np.multiply(tables[i][k], near)
+                if beside is not None:
+                    result[i] += np.multiply(mirrored[i][k], beside)
+                if known:
+                    left[i] += size * errors[i][k]
+        return np.moveaxis(result, 1, -1), np.moveaxis(left, 1, -1)
+
+
+def _first(values: NDArray) -> NDArray:
+    """Values [grid..., k] with the last axis first."""
+    return np.moveaxis(values, -1, 0)
 
 
 def bases(reduction: Reduction) -> Reduction:
@@ -210,37 +235,30 @@ def expand(reduction: Reduction, values: Values) -> dict[int, Expansion]:
 
 def expansion(reduction: Reduction, index: int, values: Values) -> Expansion:
     """Partial fractions of one block."""
-    plain = bases(reduction)
-    some = {k: x for k, x in enumerate(plain.scalars) if x.block == index}
+    some = {k: x for k, x in enumerate(bases(reduction).scalars) if x.block == index}
     return _expand(reduction.blocks[index], some, reduction.lengths, values)
-
-
-def at_poles(
-    block: Block, lengths: Lengths, values: Values, poles: Complex, weight: NDArray
-) -> tuple[Complex, dict[str, Number]]:
-    """Poles [grid..., k] one after the other, -1 where there is none, and the values of each one's vehicle."""
-    grid = poles.shape
-    own = {
-        name: np.repeat(np.broadcast_to(v, grid[:-1]).ravel(), grid[-1]) if np.ndim(v) else v
-        for name, v in values.items()
-        if name in block.parameters or _within(np.shape(v), grid[:-1])
-    }
-    return np.where(weight > 0, poles, -1.0 + 0j).ravel(), own
 
 
 def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: Values) -> Expansion:
     raw = poles(block, lengths, values)
+    states = raw.shape[-1]
     rows = [entry for scalar in some.values() for entry in lengths.evaluate(scalar.row, values)]
-    raw = np.broadcast_to(raw, (*np.broadcast_shapes(raw.shape[:-1], *map(np.shape, rows)), raw.shape[-1]))
+    vehicles = np.broadcast_shapes(raw.shape[:-1], *map(np.shape, rows), (1,) * max(map(np.ndim, values.values())))
+    raw = _first(np.broadcast_to(raw, (*vehicles, states)))
     near = (np.abs(raw) < FAR) | (np.abs(raw.imag) > LIGHT * np.abs(raw))
     weight = np.where(raw.imag > 0, 2.0, np.where(raw.imag < 0, 0.0, 1.0)) * near
-    count = max(1, int(np.max(np.sum(weight > 0, axis=-1), initial=1)))
-    order = np.argsort(-weight, axis=-1, kind="stable")[..., :count]
-    weight, upper = (np.take_along_axis(x, order, axis=-1) for x in (weight, raw))
+    count = max(1, int(np.max(np.sum(weight > 0, axis=0), initial=1)))
+    order = np.argsort(-weight, axis=0, kind="stable")[:count]
+    weight, upper = (np.take_along_axis(x, order, axis=0) for x in (weight, raw))
     grid = upper.shape
-    p, own = at_poles(block, lengths, values, upper, weight)
+    p = np.where(weight > 0, upper, -1.0 + 0j).ravel()
+    own = {
+        name: np.broadcast_to(v, grid).ravel() if np.ndim(v) else v
+        for name, v in values.items()
+        if name in block.parameters or _within(np.shape(v), vehicles)
+    }
     p, found = polished(block, lengths, own, p)
-    for places in clusters(p.reshape(-1, count), (weight > 0).reshape(-1, count)).values():
+    for places in clusters(p.reshape(count, -1), (weight > 0).reshape(count, -1)).values():
         p, found = together(block, lengths, own, p, found, places)
     light = np.abs(p.real) < LIGHT * np.abs(p)
     off = 1.0 + np.abs(found.step) / np.abs(p) / EPSILON
@@ -250,31 +268,73 @@ def _expand(block: Block, some: Mapping[int, Scalar], lengths: Lengths, values: 
     shift = (np.abs(found.step) + found.shift) / np.abs(p)
     # of a damped pole what is read at -p tells how wrong it is
     lost = ~((shift < np.where(light, UNSURE, np.inf)) & (p.real <= 0) & (peak < SURE))
+    bright = np.flatnonzero(light)
+    of_slope = _of_slope(block, p, found, bright)
+
+    def last(x: NDArray) -> NDArray:
+        return np.moveaxis(x.reshape(grid), 0, -1)
+
+    slope = np.abs(found.slope)
     residues, rounding, constants = {}, {}, {}
     for k, scalar in some.items():
-        row, factor, of_factor = np.zeros(found.z.shape), 1.0, 0.0
         if scalar.quantity == "displacement":
-            for i, entry in enumerate(lengths.evaluate(scalar.row, own)):
-                row[:, i] = entry
-        else:  # an elongation: its force times the law's compliance
-            row[:, block.size + scalar.of] = 1.0
-            factor, of_factor = found.compliances[scalar.of], found.of_laws[scalar.of]
-        residue, error = found.residue(row, scalar.strut)
-        residue, error = factor * residue, np.abs(factor) * error
-        residues[k] = residue.reshape(grid)
-        error = error * off + np.abs(residue) * ((found.slope_error + of_factor) * off + peak)
-        rounding[k] = error.reshape(grid)
+            entries = [np.asarray(entry) for entry in lengths.evaluate(scalar.row, own)]
+            u = sum(np.multiply(entry, x) for entry, x in zip(entries, found.x, strict=True))
+            u_error = sum(np.multiply(np.abs(entry), x) for entry, x in zip(entries, found.x_errors, strict=True))
+        else:
+            u, u_error = found.e[scalar.of], found.e_errors[scalar.of]
+        f, f_error = found.f[scalar.strut], found.f_errors[scalar.strut]
+        residue = np.multiply(u, f) / found.slope
+        own_error = (u_error * np.abs(f) + np.abs(u) * f_error) / slope
+        error = (own_error + np.abs(residue) * found.slope_error) * off
+        # a peak hangs on its residue: there what cancels in its error is not counted twice
+        error[bright] = _residue_errors(block, lengths, own, scalar, found, bright, residue, of_slope)
+        residues[k] = last(residue)
+        rounding[k] = last(error + np.abs(residue) * peak)
         constants[k] = -1.0 if scalar.quantity == "elongation" and scalar.of == scalar.strut else 0.0
+    there = weight > 0
     return Expansion(
-        np.where(weight > 0, p.reshape(grid), np.where(np.isnan(upper), np.nan, -1.0)),
-        weight,
+        last(np.where(there, p.reshape(grid), np.where(np.isnan(upper), np.nan, -1.0))),
+        last(weight),
         residues,
         rounding,
         constants,
-        (np.abs(found.slope) / found.size).reshape(grid),
-        light.reshape(grid),
-        shift.reshape(grid),
-        lost.reshape(grid) & (weight > 0),
-        raw.shape[-1],
-        raw,
+        last(slope / found.size),
+        last(light),
+        last(shift),
+        last(lost.reshape(grid) & there),
+        states,
+        np.moveaxis(raw, 0, -1),
     )
+
+
+def _of_slope(block: Block, p: Complex, found: Oscillation, some: NDArray[np.intp]) -> Array:
+    """Relative errors of z^T K' z at some poles [n] by K' itself: as the laws' slopes are off, and as the poles are."""
+    n = block.size
+    terms = np.abs(np.multiply(found.by_s[:, some], np.square(found.z[:, some])))
+    of_laws = functools.reduce(operator.add, (terms[n + j] * found.of_laws[j, some] for j in range(len(block.struts))))
+    size = functools.reduce(operator.add, terms)
+    moved = found.shift[some] / np.abs(p[some])
+    return (of_laws * (1 + moved / EPSILON) + 4 * EPSILON * size) / np.abs(found.slope[some])
+
+
+def _residue_errors(
+    block: Block,
+    lengths: Lengths,
+    values: Values,
+    scalar: Scalar,
+    found: Oscillation,
+    some: NDArray[np.intp],
+    residue: Complex,
+    of_slope: Array,
+) -> Array:
+    """Errors of a scalar's residues at some poles by rounding."""
+    row = np.zeros(found.z.shape)
+    factor, of_factor = np.ones(1), np.zeros(1)
+    if scalar.quantity == "displacement":
+        for i, entry in enumerate(lengths.evaluate(scalar.row, values)):
+            row[i] = entry
+    else:  # an elongation: its force times the law's compliance
+        row[block.size + scalar.of] = 1.0
+        factor, of_factor = np.abs(found.compliances[scalar.of, some]), found.of_laws[scalar.of, some]
+    return factor * found.residue_errors(some, row, scalar.strut) + np.abs(residue[some]) * (of_slope + of_factor)

@@ -10,11 +10,14 @@ between wheels that its lag function is a sum of: the integral over omega > 0 of
 of Im(X Y*) sin(w d) G (J_YX - J_XY)/4. The poles of a vehicle do not depend on the speed: one eigenproblem serves all.
 
 Where two poles of a block merge (critical damping) or one meets the spectrum's, the residues grow without bound and
-cancel, though their sum is smooth. There the value is interpolated from vehicles with more and less damping.
+cancel, though their sum is smooth. There the value is interpolated from vehicles with more and less damping, or from
+tracks with other cut-offs.
 """
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,12 +26,13 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Bending, Dashpot, Law, Values
 from freqrail.model.spectrum import RationalSpectrum, Spectrum
-from freqrail.reduction.columns import Column, Reduction
+from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_poles import Array, Expansion
 from freqrail.solver.block_quadrature import shape_of
-from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, track_terms
+from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, rows_of
+from freqrail.solver.block_waves import Track, add_pole_terms, by_output, label_sums, track_terms
+from freqrail.solver.closed_form import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.solver.quadrature import MeanSquare
-from freqrail.solver.residues import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.types import Number
 
 DEFECT = 0.05  # slope of a pole over its terms below which a pole near it may be merging with it
@@ -56,41 +60,26 @@ def whole_axis_mean_squares(
         parts = [(weight, _mean_squares(reduction, own, each, speed)) for weight, each in spread(spectrum)]
     result = {}
     for name in reduction.columns:
-        value = np.sum([weight * part[name].value for weight, part in parts], axis=0)
-        error = np.sum([abs(weight) * part[name].error for weight, part in parts], axis=0)
+        value = functools.reduce(operator.add, (weight * part[name].value for weight, part in parts))
+        error = functools.reduce(operator.add, (abs(weight) * part[name].error for weight, part in parts))
         shape = (value.shape[0], *grid, value.shape[-1])
         result[name] = MeanSquare(value.reshape(shape), error.reshape(shape))
-    return result
-
-
-def of_outputs(
-    reduction: Reduction, rows: list[tuple[str, Column]], totals: Array, errors: Array
-) -> dict[str, MeanSquare]:
-    """Outputs [labels, grid..., speeds] from their columns, totals and errors [grid..., rows, speeds]."""
-    result = {}
-    for output in reduction.outputs:
-        value, error = np.zeros((2, len(output.taps), *totals.shape[:-2], totals.shape[-1]))
-        for row, (name, each) in enumerate(rows):
-            if name == output.name:
-                for label, weight in enumerate(each.weights):
-                    if weight:
-                        value[label] += weight * totals[..., row, :]
-                        error[label] += abs(weight) * errors[..., row, :]
-        result[output.name] = MeanSquare(value, np.where(np.isnan(error), np.inf, error))
     return result
 
 
 def _mean_squares(
     reduction: Reduction, values: Values, spectrum: RationalSpectrum, speed: Array
 ) -> dict[str, MeanSquare]:
-    squares, singular = _sum_of_residues(reduction, values, spectrum, speed)
+    grid, track = shape_of(values), Track(spectrum.roughness, spectrum.cutoffs)
+    squares, expansions = _sum_of_residues(reduction, values, track, speed, grid)
+    singular = np.broadcast_to(_singular(expansions, spectrum, speed), (*grid, speed.size))
     merging = np.all(singular, axis=-1, keepdims=True)
     places = np.argwhere(merging[..., 0])
     if places.size:
-        _interpolate(reduction, values, spectrum, speed, squares, tuple(places.T))
+        _interpolate(reduction, values, track, speed, squares, tuple(places.T))
     places = np.argwhere(singular & ~merging)
     if places.size:
-        _interpolate(reduction, values, spectrum, speed[places[:, -1], None, None], squares, tuple(places.T))
+        _interpolate(reduction, values, track, speed[places[:, -1], None, None], squares, tuple(places.T))
     return squares
 
 
@@ -111,15 +100,16 @@ def dampings(reduction: Reduction) -> set[str]:
 def _interpolate(
     reduction: Reduction,
     values: Values,
-    spectrum: RationalSpectrum,
+    track: Track,
     speed: Array,
     squares: dict[str, MeanSquare],
     places: tuple[NDArray[np.intp], ...],
 ) -> None:
-    """Replace `squares` at grid indices `places` by values interpolated from vehicles around them.
+    """Replace `squares` at grid indices `places` by values interpolated from what is around them.
 
-    Their dampers' constants are scaled by factors around 1. places: one index array [r] an axis of the grid, and for
-    single speeds one more; speed: [m], all of them, or [r, 1, 1], that of each place.
+    places: one index array [r] an axis of the grid: there poles of a vehicle merge, and its dampers' constants are
+    scaled by factors around 1. Or one more, for single speeds: there poles meet the track's, and its cut-offs are
+    scaled, which leaves the vehicle's poles where they are. speed: [m], all of them, or [r, 1, 1], that of each place.
     """
     grid = shape_of(values)
     offsets = SPREAD * np.cos(np.pi * (np.arange(SUPPORT) + 0.5) / SUPPORT)
@@ -130,14 +120,18 @@ def _interpolate(
         name: np.broadcast_to(v, grid)[places[: len(grid)]].reshape(-1, 1) if np.ndim(v) else v
         for name, v in values.items()
     }
-    near |= {name: near[name] * (1 + offsets) for name in dampings(reduction)}
-    around, _ = _sum_of_residues(reduction, near, spectrum, speed)
+    single = len(places) > len(grid)
+    if single:
+        low, high = (cutoff * (1 + offsets) for cutoff in track.cutoffs)
+        track = Track(track.roughness, (low, high))
+    else:
+        near |= {name: near[name] * (1 + offsets) for name in dampings(reduction)}
+    around, _ = _sum_of_residues(reduction, near, track, speed, (len(places[0]), SUPPORT))
     for name, square in around.items():
         value = np.einsum("prks,k->prs", square.value, weight)
         error = np.einsum("prks,k->prs", square.error, np.abs(weight))
         error += np.abs(np.einsum("prks,k->prs", square.value, fewer))
         everywhere: tuple[Any, ...] = (slice(None), *places)
-        single = len(places) > len(grid)
         squares[name].value[everywhere] = value[..., 0] if single else value
         squares[name].error[everywhere] = error[..., 0] if single else error
 
@@ -148,32 +142,30 @@ def _to_zero(nodes: Array) -> Array:
 
 
 def _sum_of_residues(
-    reduction: Reduction, values: Values, spectrum: RationalSpectrum, speed: Array
-) -> tuple[dict[str, MeanSquare], NDArray[np.bool_]]:
-    """The plain formula, and where [grid..., speeds] merging or meeting poles spoil it.
+    reduction: Reduction, values: Values, track: Track, speed: Array, grid: tuple[int, ...]
+) -> tuple[dict[str, MeanSquare], list[Expansion]]:
+    """The plain formula, and the blocks' partial fractions.
 
-    speed: [speeds], or [grid..., speeds] with axes of length 1 where it is common to the vehicles.
+    speed: [speeds], or [grid..., speeds] with axes of length 1 where it is common to the vehicles. grid: of the
+    vehicles, each with its track.
     """
-    rows = [(name, each) for name, some in reduction.columns.items() for each in some]
+    rows, groups = rows_of(reduction)
     products = products_of(rows)
     distances = distances_of(reduction, values)
-    lags = distances.factors[..., [each.lag for _, each in rows], :]
     blocks = read_blocks(reduction, values)
-    shape = (*shape_of(values), speed.shape[-1])
     loss = losses_of(reduction, rows, blocks)
-    totals, errors = np.zeros((2, *shape[:-1], len(rows), shape[-1]))
+    total, error = np.zeros((2, *grid, len(rows), speed.shape[-1]))
     for index in blocks:
         own = [each for each in products if reduction.scalars[each.x].block == index]
         if own:
-            value, error = pole_terms(blocks, index, own, len(rows), reduction, lags, distances, loss, spectrum, speed)
-            totals += value
-            errors += error
-    for value, error in track_terms(reduction, values, blocks, products, lags, distances, spectrum, speed):
-        totals += value
-        errors += error
-    result = of_outputs(reduction, rows, totals, errors)
-    singular = _singular([block.expansion for block in blocks.values()], spectrum, speed)
-    return result, np.broadcast_to(singular, shape)
+            terms = pole_terms(blocks, index, own, groups, reduction, values, loss)
+            add_pole_terms(total, error, terms, distances, track, speed)
+    at_labels, lost = label_sums(reduction, rows, total, error)
+    for cell, value, uncertain in track_terms(reduction, values, blocks, products, rows, distances, track, speed, grid):
+        at_labels[cell] += value
+        lost[cell] += uncertain
+    found = by_output(reduction, at_labels, lost)
+    return {name: MeanSquare(*each) for name, each in found.items()}, [block.expansion for block in blocks.values()]
 
 
 def _singular(expansions: list[Expansion], spectrum: RationalSpectrum, speed: Array) -> NDArray[np.bool_]:

@@ -1,27 +1,29 @@
-"""Terms of the closed form over blocks: what poles of the blocks and of the track add to every column.
+"""Coefficients of the closed form over blocks: what poles of the blocks are worth in every column, whatever the speed.
 
-See `solver.block_residues` for the integrals; a row is a column of an output.
+See `solver.block_residues` for the integrals; a row is a column of an output. Rows of one lag function that the same
+blocks take part in stand side by side, as a `Group`. What depends on the speed is in `solver.block_waves`.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
-from freqrail.model.spectrum import RationalSpectrum
-from freqrail.reduction.chain_columns import cos_sin
 from freqrail.reduction.columns import Column, Reduction, lag_sums
 from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier
 from freqrail.solver.block_response import column, scalars
-from freqrail.solver.partial_fractions import EPSILON
-from freqrail.solver.residues import LOSS, SAFETY
+from freqrail.solver.closed_form import EPSILON, LOSS, SAFETY
 from freqrail.types import Number
+
+Row = tuple[str, Column]
+"""A column, with the name of its output."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class Product:
     coefficient: float
 
 
-def products_of(rows: list[tuple[str, Column]]) -> list[Product]:
+def products_of(rows: list[Row]) -> list[Product]:
+    """Every product of the rows."""
     result = []
     for row, (_, each) in enumerate(rows):
         for i, j, part, factor in each.powers:
@@ -42,6 +45,31 @@ def products_of(rows: list[tuple[str, Column]]) -> list[Product]:
             scale = factor * 2 * np.pi / 4
             result += [Product(row, i, j, sign * scale), Product(row, j, i, scale)]
     return result
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows side by side with one lag function, in which the same blocks take part: lag, rows, blocks."""
+
+    lag: int
+    rows: slice
+    blocks: frozenset[int]
+
+
+def rows_of(reduction: Reduction) -> tuple[list[Row], list[Group]]:
+    """Every column of every output, and their groups."""
+
+    def key(row: Row) -> tuple[int, list[int]]:
+        each = row[1]
+        return each.lag, sorted({reduction.scalars[k].block for i, j, _, _ in each.powers for k in (i, j)})
+
+    rows = sorted(((name, each) for name, some in reduction.columns.items() for each in some), key=key)
+    groups, first = [], 0
+    for (lag, blocks), some in itertools.groupby(rows, key=key):
+        count = len(list(some))
+        groups.append(Group(lag, slice(first, first + count), frozenset(blocks)))
+        first += count
+    return rows, groups
 
 
 @dataclass(frozen=True)
@@ -85,15 +113,13 @@ def distances_of(reduction: Reduction, values: Values) -> Distances:
 class ReadBlock:
     """A block at its poles p: partial fractions, possible errors of the residues, what is read of every scalar there.
 
-    residue_errors: {own scalar: [grid..., k]}. at: [grid..., k], -p of a well damped pole, |p| of a light one. direct:
-    every scalar's base read at these. factors, mirrored: what makes X of every base at p and at -p.
+    residue_errors: {own scalar: [grid..., k]}. direct: every scalar's base, as `Expansion` has it, [grid..., k], at -p
+    of a well damped pole, at |p| of a light one.
     """
 
     expansion: Expansion
     residue_errors: dict[int, Array]
     direct: list[Number]
-    factors: list[Number]
-    mirrored: list[Number]
 
 
 def read_blocks(reduction: Reduction, values: Values) -> dict[int, ReadBlock]:
@@ -107,102 +133,133 @@ def read_blocks(reduction: Reduction, values: Values) -> dict[int, ReadBlock]:
     plain, spread_values = bases(reduction), column(values)
     result = {}
     for index, each in expand(reduction, values).items():
-        p = each.poles
-        at = np.where(each.light, np.abs(p), -p)
+        p, size = each.poles, np.abs(each.poles)
+        at = np.where(each.light, size, -p)
         direct = scalars(plain, spread_values, at, np.square(at)).values()
         errors = {}
         fractions, rounded = each.fractions(tuple(each.residues), at)
         for place, (k, residue) in enumerate(each.residues.items()):
-            known, missing = rounded[..., place, :], np.abs(fractions[..., place, :] - direct[k])
-            beyond = np.maximum(0.0, missing - known - LOSS / SAFETY * np.abs(direct[k]))
+            missing = np.abs(fractions[place] - direct[k])
+            beyond = np.maximum(0.0, missing - rounded[place] - LOSS / SAFETY * np.abs(direct[k]))
             own = np.where(each.light, each.rounding[k], SAFETY * each.shift * np.abs(residue))
-            error = SAFETY * 2 * np.abs(p) * np.where(each.light, beyond, missing) + own
+            error = SAFETY * 2 * size * np.where(each.light, beyond, missing) + own
             errors[k] = np.where(np.any(each.lost, axis=-1, keepdims=True), np.inf, error)
-        factors, mirrored = (
-            [multiplier(x, reduction.blocks[x.block], spread_values, s) for x in reduction.scalars] for s in (p, -p)
-        )
-        result[index] = ReadBlock(each, errors, direct, factors, mirrored)
+        result[index] = ReadBlock(each, errors, direct)
     return result
+
+
+@dataclass(frozen=True)
+class PoleTerms:
+    """What the poles [grid..., k] of a block are worth in the groups of rows that it takes part in, before any lag.
+
+    weight: [grid..., rows, 2 x states], to be multiplied with real and imaginary parts of waves e^{p d} G(p), those of
+    the rows of all groups one after the other; error: [grid..., rows, states], with |G|. As many terms as the block has
+    states, zeros behind the poles: BLAS picks its order of summation by the shape of a product.
+    """
+
+    expansion: Expansion
+    groups: list[Group]
+    weight: Array
+    error: Array
 
 
 def pole_terms(
     blocks: dict[int, ReadBlock],
     index: int,
     products: list[Product],
-    count: int,
+    groups: list[Group],
     reduction: Reduction,
-    lags: Array,
-    distances: Distances,
-    loss: Array,
-    spectrum: RationalSpectrum,
-    speed: Array,
-) -> tuple[Array, Array]:
-    """What the poles of a block add to every row: (value, error), [grid..., rows, speeds].
+    values: Values,
+    loss: list[Array],
+) -> PoleTerms:
+    """The terms of a block: the sum of coefficient x residue of X x Y(-p) over the products of every row.
 
-    One matrix product a vehicle: coefficients [rows, parts of poles and lags] times waves [.., speeds]. Y(-p) is read
-    off directly where the pole p is well damped, and comes from partial fractions where it is light, which near the
-    mirror image of another pole see the true distance, but are as wrong as the residues in them.
+    products: those with X of the block. loss: of every row. Y(-p) is read off directly where the pole p is well damped,
+    and comes from partial fractions where it is light, which near the mirror image of another pole see the true
+    distance, but are as wrong as the residues in them.
     """
-    block = blocks[index]
-    each, p = block.expansion, block.expansion.poles
-    mirrors: dict[int, tuple[Complex, Array]] = {}
-    paired = {product.y for product in products}
-    for other in blocks.values():
-        some = [y for y in other.expansion.residues if y in paired]
-        if not some:
-            continue
-        fractions, _ = other.expansion.fractions(some, -p)
-        weights_of = mirror_weights(p, other.expansion)
-        for place, y in enumerate(some):
-            wrong = _total(np.moveaxis(weights_of * other.residue_errors[y][..., None, :], -1, 0))
-            mirrors[y] = (
-                block.mirrored[y] * np.where(each.light, fractions[..., place, :], block.direct[y]),
-                np.abs(block.mirrored[y]) * np.where(each.light, wrong, 0.0),
-            )
-    weights: dict[int, Number] = {}
-    uncertain: dict[int, Number] = {}
+    each, p = blocks[index].expansion, blocks[index].expansion.poles
+    present, spread_values = each.weight > 0, column(values)
+    mirrors = _mirrored(blocks, index, {product.y for product in products}, reduction, spread_values)
+    heads: dict[int, tuple[Number, Number, Number]] = {}
+    for x in dict.fromkeys(product.x for product in products):
+        scale = np.multiply(each.weight, multiplier(reduction.scalars[x], reduction.blocks[index], spread_values, p))
+        head = np.where(present, np.multiply(scale, each.residues[x]), 0.0)
+        heads[x] = head, np.abs(head), np.where(present, np.abs(scale) * blocks[index].residue_errors[x], 0.0)
+    pairs: dict[tuple[int, int], tuple[Number, Number]] = {}
+    for x, y in dict.fromkeys((product.x, product.y) for product in products):
+        (head, size, head_error), (mirrored, mirrored_size, wrong) = heads[x], mirrors[y]
+        term, error = np.multiply(head, mirrored), mirrored_size * head_error + size * wrong
+        pairs[x, y] = np.where(present, term, 0.0), np.where(present, error, 0.0)
+    own = [group for group in groups if index in group.blocks]
+    rows = [row for group in own for row in range(group.rows.start, group.rows.stop)]
+    shape = np.broadcast_shapes(*(np.shape(term) for term, _ in pairs.values()))
+    shape = np.broadcast_shapes(shape, *((*np.shape(loss[row]), 1) for row in rows))
+    weight = np.zeros((*shape[:-1], len(rows), 2, each.states))
+    errors = np.zeros((*shape[:-1], len(rows), each.states))
+    by_row: dict[int, list[Product]] = {}
     for product in products:
-        scale = product.coefficient * each.weight * block.factors[product.x]
-        residue, residue_error = each.residues[product.x], block.residue_errors[product.x]
-        mirrored, wrong = mirrors[product.y]
-        weights[product.row] = weights.get(product.row, 0.0) + np.multiply(np.multiply(scale, residue), mirrored)
-        error = np.abs(scale) * (np.abs(mirrored) * residue_error + np.abs(residue) * wrong)
-        uncertain[product.row] = uncertain.get(product.row, 0.0) + error
-    present = sorted(weights)
-    weight = np.stack(np.broadcast_arrays(*(weights[row] for row in present)), axis=-2)
-    error = np.stack(np.broadcast_arrays(*(uncertain[row] for row in present)), axis=-2)
-    weight, error = (np.where(each.weight[..., None, :] > 0, x, 0.0) for x in (weight, error))
-    error = error + loss[..., present, None] * np.abs(weight)
-    # as many terms as the block has states: BLAS picks its order of summation by the shape of the product
-    weight, error = (_padded(x, each.states, -1) for x in (weight, error))
-    waves, density = _waves(p, each, distances, spectrum, speed)
-    of_rows = lags[..., present, :]
-    parts = np.stack([weight.real, -weight.imag], axis=-2)[..., None, :] * of_rows[..., None, :, None]
-    value = parts.reshape(*parts.shape[:-3], -1) @ waves
-    bound = (error * np.sum(np.abs(of_rows), axis=-1)[..., None]) @ density
-    if len(present) == count:
-        return value, bound
-    result = np.zeros((2, *value.shape[:-2], count, value.shape[-1]))
-    result[0][..., present, :], result[1][..., present, :] = value, bound
-    return result[0], result[1]
+        by_row.setdefault(product.row, []).append(product)
+    for place, row in enumerate(rows):
+        terms = [(product.coefficient, *pairs[product.x, product.y]) for product in by_row[row]]
+        total = _total(c * term for c, term, _ in terms)
+        weight[..., place, 0, : shape[-1]] = total.real
+        weight[..., place, 1, : shape[-1]] = -total.imag
+        error = _total(abs(c) * error for c, _, error in terms)
+        errors[..., place, : shape[-1]] = error + loss[row][..., None] * np.abs(total)
+    return PoleTerms(each, own, weight.reshape(*weight.shape[:-2], -1), errors)
 
 
-def mirror_weights(p: Complex, other: Expansion) -> Array:
+def _mirrored(
+    blocks: dict[int, ReadBlock], index: int, wanted: set[int], reduction: Reduction, spread_values: Values
+) -> dict[int, tuple[Complex, Array, Number]]:
+    """Y(-p) of scalars at a block's poles p, its size, and how wrong it may be: [grid..., k]."""
+    block, each = blocks[index], blocks[index].expansion
+    p = each.poles
+    bright = np.flatnonzero(np.any(each.light, axis=tuple(range(p.ndim - 1))))  # places at which some poles are light
+    light = each.light[..., bright]
+    result: dict[int, tuple[Complex, Array, Number]] = {}
+    for other in blocks.values():
+        some = [y for y in other.expansion.residues if y in wanted]
+        if some and bright.size:
+            fractions = other.expansion.fractions(some, -p[..., bright], known=False)[0]
+            weights = mirror_weights(p[..., bright], other.expansion)
+        for place, y in enumerate(some):
+            scalar = reduction.scalars[y]
+            factor = multiplier(scalar, reduction.blocks[scalar.block], spread_values, -p)
+            value, wrong = np.multiply(factor, block.direct[y]), np.zeros(1)
+            if bright.size:
+                errors = np.moveaxis(other.residue_errors[y], -1, 0)[..., None]
+                lacking = np.where(light, _total(map(np.multiply, weights, errors)), 0.0)
+                factor = factor if np.ndim(factor) == 0 else factor[..., bright]
+                near = np.where(light, np.multiply(factor, fractions[place]), value[..., bright])
+                value, wrong = _with(value, bright, near), _with(np.zeros(p.shape), bright, np.abs(factor) * lacking)
+            result[y] = value, np.abs(value), wrong
+    return result
+
+
+def _with(values: NDArray, places: NDArray[np.intp], others: NDArray) -> NDArray:
+    """Values [grid..., k] with those at some places of the last axis replaced by others, poles first in memory."""
+    shape = np.broadcast_shapes(values.shape[:-1], others.shape[:-1])
+    result = np.empty((values.shape[-1], *shape), values.dtype)
+    result[:] = np.moveaxis(np.broadcast_to(values, (*shape, values.shape[-1])), -1, 0)
+    result[places] = np.moveaxis(np.broadcast_to(others, (*shape, len(places))), -1, 0)
+    return np.moveaxis(result, 0, -1)
+
+
+def mirror_weights(p: Complex, other: Expansion) -> list[Array]:
     """What an error of a residue of another block's upper pole (and its conjugate) makes of partial fractions at -p:
-    at most this much a unit, [grid..., k, other's k]."""
-    q = other.poles[..., None, :]
-    apart = np.hypot(p.real[..., None] + q.real, np.abs(p.imag[..., None]) - np.abs(q.imag))
-    return np.where(other.weight[..., None, :] > 0, other.weight[..., None, :] / apart, 0.0)
+    at most this much a unit, [grid..., k], for each of the other's poles."""
+    result, height = [], np.abs(p.imag)
+    for k in range(other.poles.shape[-1]):
+        q, weight = other.poles[..., k, None], other.weight[..., k, None]
+        apart = np.sqrt(np.square(p.real + q.real) + np.square(height - np.abs(q.imag)))
+        result.append(np.where(weight > 0, weight / apart, 0.0))
+    return result
 
 
-def _padded(values: NDArray, width: int, axis: int) -> NDArray:
-    missing = [(0, 0)] * values.ndim
-    missing[axis] = (0, width - values.shape[axis])
-    return np.pad(values, missing)
-
-
-def losses_of(reduction: Reduction, rows: list[tuple[str, Column]], blocks: dict[int, ReadBlock]) -> Array:
-    """Relative error that rounding leaves in the terms of every row, [grid..., rows].
+def losses_of(reduction: Reduction, rows: list[Row], blocks: dict[int, ReadBlock]) -> list[Array]:
+    """Relative error that rounding leaves in the terms of every row, [grid...] each.
 
     A peak's height goes with the distance of a pole from another's mirror image, for light poles that are nearly equal
     in two blocks about twice the real part, while the imaginary parts are only known to a rounding error.
@@ -212,131 +269,13 @@ def losses_of(reduction: Reduction, rows: list[tuple[str, Column]], blocks: dict
         p = block.expansion.poles
         sharp = np.where(block.expansion.weight > 0, np.abs(p) / np.abs(2 * p.real), 0.0)
         sharpness[index] = np.max(sharp, axis=-1)
-    of_output = {
-        name: functools.reduce(
-            np.maximum,
-            {
-                reduction.scalars[i].block: sharpness[reduction.scalars[i].block] for terms in labels for i, _ in terms
-            }.values(),
-        )
-        for name, labels in reduction.sums.items()
-    }
-    return LOSS + 8 * EPSILON * np.stack(np.broadcast_arrays(*(of_output[name] for name, _ in rows)), axis=-1)
+    of_output = {}
+    for name, labels in reduction.sums.items():
+        taking_part = {reduction.scalars[i].block for terms in labels for i, _ in terms}
+        of_output[name] = LOSS + 8 * EPSILON * functools.reduce(np.maximum, map(sharpness.__getitem__, taking_part))
+    return [of_output[name] for name, _ in rows]
 
 
-def _waves(
-    p: Complex, each: Expansion, distances: Distances, spectrum: RationalSpectrum, speed: Array
-) -> tuple[Array, Array]:
-    """G(s) e^{s d} at poles p [grid..., k] for the distances at every speed, and |G|, [grid..., states, speeds].
-
-    The waves are [grid..., 2 x distances x states, speeds]: real and imaginary parts of each lag of each pole, then
-    zeros.
-    """
-    v = speed[..., None, :]
-    low, high = (np.square(v * cutoff) for cutoff in spectrum.cutoffs)
-    s2 = np.square(p)[..., None]
-    # S_v(omega/v)/v with omega^2 = -s^2 (eq. 11)
-    density = spectrum.roughness * spectrum.cutoffs[1] ** 2 * v**3 / ((low - s2) * (high - s2))
-    density = np.where(each.weight[..., None] > 0, density, 0.0)
-    pure: dict[int, Complex] = {}  # e^{s d}, where another lag is made of it
-    lagged: dict[int, Complex] = {}
-    for k in sorted(range(len(distances.d)), key=lambda k: float(np.max(distances.d[k]))):
-        if not np.any(distances.d[k]):
-            lagged[k] = density
-        elif k in distances.sums:
-            i, j = distances.sums[k]
-            lagged[k] = np.multiply(pure[i], lagged[j])
-        else:
-            pure[k] = _exponential(p, np.asarray(distances.d[k])[..., None, None] / v)
-            lagged[k] = np.multiply(pure[k], density)
-    shape = np.broadcast_shapes(density.shape, *(wave.shape for wave in lagged.values()))
-    waves = np.zeros((*shape[:-2], 2, len(lagged), each.states, shape[-1]))
-    for k, wave in lagged.items():
-        waves[..., 0, k, : shape[-2], :], waves[..., 1, k, : shape[-2], :] = wave.real, wave.imag
-    return waves.reshape(*shape[:-2], -1, shape[-1]), _padded(np.abs(density), each.states, -2)
-
-
-def _exponential(p: Complex, delay: Array) -> Complex:
-    """e^{p t} at poles p [grid..., k] for delays t [grid..., 1, speeds]."""
-    size = np.exp(p.real[..., None] * delay)
-    cosine, sine = cos_sin(p.imag[..., None] * delay)
-    result = np.empty(size.shape, complex)
-    result.real, result.imag = size * cosine, size * sine
-    return result
-
-
-def track_terms(
-    reduction: Reduction,
-    values: Values,
-    blocks: dict[int, ReadBlock],
-    products: list[Product],
-    lags: Array,
-    distances: Distances,
-    spectrum: RationalSpectrum,
-    speed: Array,
-) -> Iterator[tuple[Array, Array]]:
-    """What each pole q = -v Omega of the spectrum adds to every row, [grid..., rows, speeds].
-
-    Scalars are read directly there.
-
-    The residue of G times e^{q d} = e^{-Omega d} does not depend on the speed. On the negative axis an elimination that
-    divides may meet a pivot near zero; so what is read is held against partial fractions.
-    """
-    low, high = spectrum.cutoffs
-    scale = spectrum.roughness * high**2 / (high**2 - low**2) / 2
-    plain, spread_values = bases(reduction), column(values)
-    count = lags.shape[-2]
-    for cutoff, residue in ((low, scale / low), (high, -scale / high)):
-        q = -cutoff * speed
-        read = {}
-        for sign in (1.0, -1.0):
-            found = scalars(plain, spread_values, sign * q, np.square(q))
-            direct, errors = found.values(), dict.fromkeys(range(len(reduction.scalars)), 0.0)
-            divided = [] if sign < 0 else [k for k, x in enumerate(found.fractions) if x.denominator < 0]
-            for block in blocks.values():
-                some = [k for k in block.expansion.residues if k in divided]
-                if some:
-                    _check(direct, errors, some, block, q)
-            for k, scalar in enumerate(reduction.scalars):
-                factor = np.real(multiplier(scalar, reduction.blocks[scalar.block], spread_values, sign * q))
-                read[k, sign] = np.real(direct[k]) * factor, errors[k] * np.abs(factor)
-        decay = np.stack(np.broadcast_arrays(*(residue * np.exp(-cutoff * d) for d in distances.d)), axis=-1)
-        weight = np.sum(decay[..., None, :] * lags, axis=-1)
-        size = np.sum(np.abs(decay)[..., None, :] * np.abs(lags), axis=-1)
-        shape = np.broadcast_shapes(*(np.shape(x) for x, _ in read.values()), (*weight.shape[:-1], 1))
-        value, error = np.zeros((2, *shape[:-1], count, shape[-1]))
-        for each in products:
-            (x, x_error), (y, _) = read[each.x, 1.0], read[each.y, -1.0]
-            term = each.coefficient * (x * y)
-            value[..., each.row, :] += weight[..., each.row, None] * term
-            lost = LOSS * np.abs(term)
-            if np.any(x_error):
-                lost = lost + abs(each.coefficient) * x_error * np.abs(y)
-            error[..., each.row, :] += size[..., each.row, None] * lost
-        yield value, error
-
-
-def _check(direct: list[Number], errors: dict[int, Number], some: list[int], block: ReadBlock, q: Array) -> None:
-    """Replace entries of `direct`, bases of a block at q [..., speeds] as eliminated, and of their `errors`.
-
-    They become partial fractions where these differ by more than they may be wrong.
-    """
-    each = block.expansion
-    s = np.broadcast_to(q, np.broadcast_shapes(q.shape, (*each.poles.shape[:-1], 1))).astype(complex)
-    found, _ = each.fractions(some, s)
-    lacking = np.stack([each.weight * block.residue_errors[k] for k in some], axis=-2)
-    known: Number = 0.0
-    for k in range(each.poles.shape[-1]):
-        apart = np.abs(s - each.poles[..., k, None])[..., None, :]
-        known = known + np.where(each.weight[..., k, None, None] > 0, lacking[..., k, None] / apart, 0.0)
-    for place, k in enumerate(some):
-        fractions, wrong = found[..., place, :], known[..., place, :]
-        difference = np.abs(direct[k] - fractions)
-        bad = ~(difference <= wrong + LOSS * np.abs(fractions))
-        direct[k] = np.where(bad, fractions, direct[k])
-        errors[k] = np.where(bad, wrong, np.minimum(difference, wrong))
-
-
-def _total(terms: NDArray) -> NDArray:
-    """The sum over the first axis, one term after the other: so its bits do not depend on the other axes."""
+def _total(terms: Iterable[NDArray]) -> NDArray:
+    """The sum of arrays, one after the other: so its bits do not depend on their shape."""
     return functools.reduce(operator.add, terms)

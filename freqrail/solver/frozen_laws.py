@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from freqrail.model.elements import Dashpot, Law, Parallel, Spring, Values
 from freqrail.reduction.blocks import Block
 from freqrail.reduction.forms import Lengths
-from freqrail.solver.block_poles import at_poles, poles
+from freqrail.solver.block_poles import poles
 from freqrail.types import Number
 
 Complex = NDArray[np.complex128]
@@ -43,7 +43,11 @@ def resonances_frozen(block: Block, lengths: Lengths, values: Values) -> Complex
     every = np.take_along_axis(every, np.argsort(-every.imag, axis=-1, kind="stable"), axis=-1)
     every = every[..., : max(1, int(np.max(np.sum(every.imag > 0, axis=-1), initial=1)))]
     there = every.imag > 0
-    p, flat = at_poles(block, lengths, values, every, there)
+    flat = {
+        name: np.repeat(np.broadcast_to(v, every.shape[:-1]).ravel(), every.shape[-1]) if np.ndim(v) else v
+        for name, v in values.items()
+    }
+    p = every.ravel()
     for _ in range(ROUNDS):
         own, frozen = _frozen(block, flat, np.where(there.ravel(), np.abs(p.imag), 1.0))
         apart = np.broadcast_to(poles(own, lengths, frozen), (p.size, 2 * block.size))

@@ -14,20 +14,14 @@ from freqrail.model.equations import leg_dynamic_stiffness
 from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.chains import BODIES, STAGES, descend, ladder
 from freqrail.reduction.chains import poles as eigenvalues
+from freqrail.solver.closed_form import EPSILON, FAR, LIGHT, POLISHING
 from freqrail.types import Number
 
-FAR = 1e7
-"""Poles beyond this, rad/s, are left out unless they ring: they hold less than 1e-12 of any response (G falls like
-s^-4) of a plausible vehicle; of others `residues` finds that something is missing."""
-
 DIFFERENCE = 1e-6  # relative step of the difference quotient in Newton's method
-LIGHT = 0.05  # damping ratio below which a pole's real part is computed from the energy it dissipates
 FOUND = 1e-9  # relative distance from a pole below which Newton's method has found it
-POLISHING = 12  # steps of Newton's method for those that it has not
 UNCERTAIN = 1e-8  # relative error above which another way to a wheelset's displacement at a pole is looked for
 ROUNDED_BELOW = 1e-9  # of the largest eigenvalue: real parts smaller than this are not taken from eigenvalues
 SURE, SAME = 0.1, 1e-6  # relative error of a real part, and of a product of poles, up to which they count as known
-EPSILON = np.finfo(float).eps
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,11 @@ from freqrail.model.spectrum import RationalSpectrum, Spectrum, angular_psd
 from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier
 from freqrail.solver.block_quadrature import shape_of
-from freqrail.solver.block_residues import DEFECT, of_outputs
+from freqrail.solver.block_residues import DEFECT
 from freqrail.solver.block_response import column, scalars
-from freqrail.solver.block_terms import LOSS, SAFETY, Distances, Product, distances_of, mirror_weights, products_of
+from freqrail.solver.block_terms import Distances, Product, distances_of, mirror_weights, products_of, rows_of
+from freqrail.solver.block_waves import by_output, label_sums
+from freqrail.solver.closed_form import LOSS, SAFETY
 from freqrail.solver.detours import Detour, is_sharp
 from freqrail.solver.quadrature import EPSILON, MeanSquare
 from freqrail.solver.resonances import is_lost
@@ -44,7 +46,7 @@ def peak_mean_squares(
     """
     if not isinstance(spectrum, RationalSpectrum):
         raise TypeError(f"detours are for rational spectra (got {type(spectrum).__name__})")
-    rows = [(name, each) for name, some in reduction.columns.items() for each in some]
+    rows, _ = rows_of(reduction)
     products = products_of(rows)
     spread = column(values)
     with np.errstate(all="ignore"):
@@ -61,7 +63,8 @@ def peak_mean_squares(
                 ):
                     totals[..., row, :] += value
                     errors[..., row, :] += error
-    result = of_outputs(reduction, rows, totals, errors)
+    found_at = by_output(reduction, *label_sums(reduction, rows, totals, errors))
+    result = {name: MeanSquare(*each) for name, each in found_at.items()}
     for index, each in expansions.items():
         doubtful = _doubtful(each, around, limits)
         for name, square in result.items():
@@ -123,8 +126,8 @@ def _held(reduction: Reduction, spread: Values, each: Expansion, around: tuple[D
     fractions, rounded = each.fractions(tuple(each.residues), at)
     residues, errors = {}, {}
     for place, (k, residue) in enumerate(each.residues.items()):
-        missing = np.abs(fractions[..., place, :] - read[k])
-        beyond = np.maximum(0.0, missing - rounded[..., place, :] - LOSS / SAFETY * np.abs(read[k]))
+        missing = np.abs(fractions[place] - read[k])
+        beyond = np.maximum(0.0, missing - rounded[place] - LOSS / SAFETY * np.abs(read[k]))
         own = take(each.rounding[k]) + SAFETY * np.where(light, 0.0, take(each.shift)) * np.abs(take(residue))
         residues[k], errors[k] = take(residue), SAFETY * 2 * np.abs(p) * beyond + own
     return _Peaks(p, there, light, residues, errors, scalars(plain, spread, -p, np.square(p)).values())
@@ -158,9 +161,11 @@ def _terms(
         for place, y in enumerate(some):
             scalar = reduction.scalars[y]
             factor = multiplier(scalar, reduction.blocks[scalar.block], spread, -p)
-            wrong = _total(np.moveaxis(nearness * other.rounding[y][..., None, :], -1, 0))
+            wrong = functools.reduce(
+                operator.add, (near * other.rounding[y][..., k, None] for k, near in enumerate(nearness))
+            )
             mirrored[y] = (
-                factor * np.where(peaks.light, fractions[..., place, :], peaks.direct[y]),
+                factor * np.where(peaks.light, fractions[place], peaks.direct[y]),
                 np.abs(factor) * np.where(peaks.light, wrong, 0.0),
             )
     weights: dict[int, Number] = {}

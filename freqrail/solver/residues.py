@@ -24,12 +24,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from freqrail.model.inputs import cos_sin
 from freqrail.model.responses import CHAINS, RESPONSES, Response, chains_of
 from freqrail.model.spectrum import RationalSpectrum, Spectrum
 from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chain_columns import column_signs, cos_sin
+from freqrail.reduction.chain_columns import column_signs
 from freqrail.reduction.chains import descend
-from freqrail.solver.partial_fractions import EPSILON, LIGHT, Expansion, expand
+from freqrail.solver.closed_form import EPSILON, LIGHT, LOSS, MEETING, MERGING, SAFETY, SPREAD, SUPPORT, spread
+from freqrail.solver.partial_fractions import Expansion, expand
 from freqrail.solver.quadrature import MeanSquare
 from freqrail.types import Number
 
@@ -60,40 +62,6 @@ PRODUCTS: tuple[tuple[tuple[str, str, float], ...], ...] = (
     ((P, Q, -0.5), (Q, P, 0.5)),
     ((P, Q, 0.5), (Q, P, 0.5), (B, Q, -0.5), (Q, B, -0.5)),
 )
-
-MERGING = 0.03  # poles of a chain closer than this, relatively, are taken for merging
-MEETING = 1e-3  # a vehicle's pole closer than this to one of the spectrum's, relatively, is taken for meeting
-SPREAD, SUPPORT = 0.12, 12  # half-width (relative, of the dampings) and number of the interpolation's nodes
-
-ONE_POLE = 0.05  # cutoffs of a spectrum closer than this to their mean, relatively, are taken for merging
-APART, SPECTRA = (0.06, 0.4), 9  # distances from the mean, and number, of cutoffs from which is extrapolated there
-
-LOSS = 4e-11  # what a sum of residues is taken to lose, relative to the sum of its terms' sizes
-SAFETY = 2  # of the difference between two ways to a residue
-
-# --- sums of residues ------------------------------------------------------------------------------
-
-
-def spread(spectrum: RationalSpectrum) -> list[tuple[float, RationalSpectrum]]:
-    """(weight, spectrum with two simple poles) whose weighted sum gives the mean squares of a spectrum.
-
-    The spectrum itself, unless its cutoffs m - d and m + d are nearly one: the residues at both grow without bound and
-    cancel there. But for the factor Omega_c^2 of eq. (11), a mean square is an even and smooth function of d, so that
-    the value at the d in question follows from those at larger ones by a polynomial in d^2.
-    """
-    low, high = spectrum.cutoffs
-    mean = (low + high) / 2
-    if abs(high - low) / 2 > ONE_POLE * mean:
-        return [(1.0, spectrum)]
-    first, last = np.square(APART)
-    squares = (first + last) / 2 + (last - first) / 2 * np.cos(np.pi * (np.arange(SPECTRA) + 0.5) / SPECTRA)
-    here = ((high - low) / 2 / mean) ** 2
-    result = []
-    for x in squares:
-        weight = float(np.prod([(here - z) / (x - z) for z in squares if z != x]))
-        cutoffs = (mean * (1 - np.sqrt(x)), mean * (1 + np.sqrt(x)))
-        result.append((weight, RationalSpectrum(spectrum.name, spectrum.roughness * (high / cutoffs[1]) ** 2, cutoffs)))
-    return result
 
 
 def whole_axis_mean_squares(

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.reduction.columns import Reduction
-from freqrail.solver.block_poles import FAR, LIGHT, Expansion, expansion
+from freqrail.solver.block_poles import Expansion, expansion
 from freqrail.solver.block_response import parts_of, used
+from freqrail.solver.closed_form import FAR, LIGHT
 from freqrail.solver.frozen_laws import resonances_frozen
 from freqrail.types import Number
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from freqrail.model.spectrum import angular_psd
 from freqrail.model.system import evaluate
-from freqrail.solver.block_poles import LIGHT, multiplier
+from freqrail.solver.block_poles import multiplier
+from freqrail.solver.closed_form import LIGHT
 from freqrail.solver.detours import Detour
 from freqrail.solver.problem import Problem
 from freqrail.solver.quadrature import EPSILON, ROUNDING

@@ -78,7 +78,7 @@ def _polished(
     own = {name: values[name] for name in (*block.parameters, *lengths.varying)}
     with np.errstate(all="ignore"):
         p, found = polished(block, lengths, own, raw)
-        for places in clusters(p.reshape(1, -1), np.ones((1, p.size), dtype=bool)).values():
+        for places in clusters(p.reshape(-1, 1), np.ones((p.size, 1), dtype=bool)).values():
             p, found = together(block, lengths, own, p, found, places)
         by_energy, uncertain = real_parts(block, own, p, found)
         light = (np.abs(p.real) < LIGHT * np.abs(p)) & (uncertain < 1)

@@ -1,0 +1,90 @@
+"""Figures of sensitivities: a tornado of elasticities at a point, and elasticities over the speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from freqrail.case.parameters import PARAMETERS
+from freqrail.figures.style import BLUE, VERMILION, family, handle, legend, new_figure, panels
+from freqrail.model.responses import RESPONSES
+
+SHOWN = 8  # parameters whose lines are drawn, those that matter most
+LEAST = 0.005  # largest elasticity of a parameter below which a tornado leaves it out
+
+
+def drawings(dataset: xr.Dataset) -> dict[str, Callable[[], Figure]]:
+    """Figures of a dataset of `sensitivity` by name of their files: the tornado, and lines if it has several speeds."""
+    result: dict[str, Callable[[], Figure]] = {"sensitivity": partial(tornado, dataset)}
+    if dataset.sizes["speed"] > 1:
+        result["sensitivity-against-speed"] = partial(lines, dataset)
+    return result
+
+
+def responses_of(dataset: xr.Dataset) -> list[str]:
+    """Names of the responses whose elasticities a dataset holds."""
+    return [name for name in RESPONSES if f"{name}_rms_elasticity" in dataset]
+
+
+def at_first_label(dataset: xr.Dataset, name: str) -> xr.DataArray:
+    """Elasticities of a response, [parameter, speed], at the first label of its dimension: the front."""
+    found = dataset[f"{name}_rms_elasticity"]
+    dimension = RESPONSES[name].dimension
+    return found.isel({dimension: 0}) if dimension else found
+
+
+def _title(name: str) -> str:
+    response = RESPONSES[name]
+    place = f", {_place(name)}" if response.dimension else ""
+    return f"{response.long_name}{place}"
+
+
+def _place(name: str) -> str:
+    from freqrail.model.responses import DIMENSIONS
+
+    return DIMENSIONS[RESPONSES[name].dimension].words[0]
+
+
+def _symbol(name: str) -> str:
+    return f"${PARAMETERS[name].symbol}$"
+
+
+def tornado(dataset: xr.Dataset) -> Figure:
+    """Bars of elasticities at the middle speed, the largest on top: one panel a response."""
+    names = responses_of(dataset)
+    place = dataset.sizes["speed"] // 2
+    speed = float(dataset["speed"][place])
+    figure = new_figure(
+        0.7 + 2.3 * -(-len(names) // 2), head=[str(dataset.attrs["title"]), f"at {speed:g} {dataset['speed'].units}"]
+    )
+    for ax, name in zip(panels(figure, [_title(name) for name in names]), names, strict=True):
+        values = at_first_label(dataset, name).isel(speed=place)
+        values = values[np.abs(values).values >= LEAST]
+        values = values[np.argsort(np.abs(values.values), kind="stable")]
+        colours = [BLUE if v > 0 else VERMILION for v in values.values]
+        ax.barh(range(values.size), values.values, color=colours)
+        ax.set_yticks(range(values.size), [_symbol(str(p)) for p in values["parameter"].values])
+        ax.axvline(0.0, color="0.3", linewidth=0.8)
+        ax.set_xlabel("per cent of the RMS for one per cent")
+    return figure
+
+
+def lines(dataset: xr.Dataset) -> Figure:
+    """Elasticities over the speeds, of the parameters that matter most in any response."""
+    names = responses_of(dataset)
+    largest = np.max([np.max(np.abs(at_first_label(dataset, name).values), axis=1) for name in names], axis=0)
+    shown = [str(dataset["parameter"].values[k]) for k in np.argsort(-largest, kind="stable")[:SHOWN]]
+    styles = [style | {"marker": ""} for style in family(len(shown))]
+    figure = new_figure(0.9 + 2.1 * -(-len(names) // 2), head=[str(dataset.attrs["title"])])
+    for ax, name in zip(panels(figure, [_title(name) for name in names]), names, strict=True):
+        for parameter, style in zip(shown, styles, strict=True):
+            ax.plot(dataset["speed"], at_first_label(dataset, name).sel(parameter=parameter), **style)
+        ax.axhline(0.0, color="0.3", linewidth=0.8)
+        ax.set_xlabel(f"speed [{dataset['speed'].units}]")
+        ax.set_ylabel("elasticity of the RMS [%/%]")
+    legend(figure, [handle(style, _symbol(p)) for p, style in zip(shown, styles, strict=True)])
+    return figure
