@@ -2,11 +2,13 @@
 
     .venv/bin/python -m docs.theory blocks
 
-Names: drawing (writes docs/vehicle.svg), blocks, columns, nodes, errors, kinds.
+Names: drawing (writes docs/vehicle.svg), blocks, columns, nodes, errors, kinds, rail; page puts what the tables print
+into the page.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -20,14 +22,18 @@ from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.reduction.blocks import blocks_of
 from freqrail.reduction.columns import lag_sums, reduce
+from freqrail.replication.mechanism import on_rail
+from freqrail.replication.yielding_rail import TYPICAL, wheel_resonance
+from freqrail.solver.detours import without
 from freqrail.solver.panels import shared_panels
 from freqrail.solver.problem import Problem, half_vehicle_problem, problem_of
-from freqrail.solver.quadrature import PANEL_NODES
+from freqrail.solver.quadrature import quadrature
 from freqrail.solver.solve import solve
+from freqrail.solver.transfer import transfer
 from tests import contours, independent
 from tests.plain_vehicles import MAKERS, as_system, dense_outputs, lagged, outputs_of
 
-PICTURE = Path(__file__).parent / "vehicle.svg"
+PICTURE, PAGE = (Path(__file__).parent / name for name in ("vehicle.svg", "theory.md"))
 PAPER = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke")
 SPEED = 250 / 3.6  # m/s
 SEED = 0  # of the vehicles of `tests.plain_vehicles`
@@ -40,7 +46,8 @@ VARYING = {"half_bogie_spacing": np.array([3.0, 9.0]), "half_wheelbase": np.arra
 
 def blocks() -> Iterator[str]:
     """Blocks of every kind of vehicle, and how many columns their outputs have."""
-    yield f"{'vehicle':26}{'freedoms':>9}{'wheels':>7}  {'blocks: freedoms (inputs)':48}{'lag functions':>14}{'products':>9}"
+    heads = f"{'blocks: freedoms (inputs)':48}{'lag functions':>14}{'products':>9}"
+    yield f"{'vehicle':26}{'freedoms':>9}{'wheels':>7}  {heads}"
     for kind, make in MAKERS.items():
         plain = make(np.random.default_rng(SEED))
         system = as_system(plain)
@@ -54,7 +61,7 @@ def blocks() -> Iterator[str]:
 
 
 def columns() -> Iterator[str]:
-    """The lag functions of the paper's vehicle as sums over the wheels' distances, and the products of its responses."""
+    """The paper's lag functions as sums over the wheels' distances, and the products of its responses."""
     reduction = reduce(half_vehicle(), outputs(), VARYING)
     forms, factors = lag_sums(reduction)
     kinds = ["cos" if lag.part == "re" else "sin" for lag in reduction.lags]
@@ -83,10 +90,12 @@ def nodes() -> Iterator[str]:
     ):
         study = paper_problem(speed / 3.6, Band("frequency", 0.1, end), joints)
         groups = shared_panels(study)
-        sizes = [0 if each.edges is None else PANEL_NODES * (each.edges.size - 1) for each in groups]
-        around = [f"{each.low / 2 / np.pi:.0f} to {each.high / 2 / np.pi:.0f} Hz" for each in groups[0].detours]
         yield f"{words}: groups of {', '.join(str(each.speeds.size) for each in groups)} speeds"
-        yield f"    nodes {', '.join(map(str, sizes))}; detours around {', '.join(around) or 'nothing'}"
+        axis = [without(quadrature(each.edges), each.detours).omega.size for each in groups if each.edges is not None]
+        yield f"    nodes on the axis {', '.join(map(str, axis))}"
+        for each in groups[0].detours:
+            low, high = (omega / 2 / np.pi for omega in (each.low, each.high))
+            yield f"    nodes on a detour {each.rule().omega.size}, from {low:.0f} to {high:.0f} Hz"
 
 
 def errors() -> Iterator[str]:
@@ -127,10 +136,23 @@ def kinds() -> Iterator[str]:
         yield f"{kind:26}{response:10.0e}{error:12.0e}{estimate:10.0e}"
 
 
+def rail() -> Iterator[str]:
+    """The paper's vehicle at 250 km/h, 0.1 to 100 Hz, on a rigid and on a yielding rail."""
+    case = freqrail.load_case("yu-damper-joint")
+    rigid, yielding = on_rail(case, None), on_rail(case, TYPICAL)
+    yield f"{'':32}{'rigid rail':>14}{'yielding rail':>15}"
+    for words, name in (("bogie frame", "bogie_acceleration"), ("car body", "car_body_acceleration")):
+        yield f"{words + ' RMS with joints':32}{rigid.joint[name]:9.4g} m/s²{yielding.joint[name]:10.4g} m/s²"
+        joints = [100 * each.departure(name) for each in (rigid, yielding)]
+        yield f"{'effect of the joints on it':32}{joints[0]:+12.1f} %{joints[1]:+13.1f} %"
+    change = max(abs(yielding.joint[name] / rigid.joint[name] - 1) for name in PAPER if name != "bogie_acceleration")
+    yield f"change of the car body and of the strokes: at most {100 * change:.1f} %"
+    frequency, damping = wheel_resonance(case.vehicle, TYPICAL)
+    yield f"wheelsets on the yielding rail: {frequency:.1f} Hz, damping ratio {damping:.3f}"
+
+
 def differences(problem: Problem, plain, omega: np.ndarray) -> Iterable[float]:
     """Of the transfer functions from dense ones, relative to the largest of each label."""
-    from freqrail.solver.transfer import transfer
-
     found = transfer(problem.reduction, problem.values, omega, SPEED)
     x = problem.reduction.places(problem.values)
     middle = np.exp(1j * omega / SPEED * (np.max(x) + np.min(x)) / 2)
@@ -149,17 +171,29 @@ def paper_problem(speed: np.ndarray, band: Band | None, joints: np.ndarray | Non
     return half_vehicle_problem(vehicle, speed, case.spectrum, band, PAPER)
 
 
-TABLES = {"blocks": blocks, "columns": columns, "nodes": nodes, "errors": errors, "kinds": kinds}
+TABLES = {"blocks": blocks, "columns": columns, "nodes": nodes, "errors": errors, "kinds": kinds, "rail": rail}
+
+PRINTED = re.compile(rf"(?<=`python -m docs\.theory )({'|'.join(TABLES)})`((?:(?!```).)*)```text\n(.*?)```", re.DOTALL)
+"""A command on the page, the words up to what it prints, and that."""
+
+
+def printed(name: str) -> str:
+    """What a table prints."""
+    return "".join(f"{line.rstrip()}\n" for line in TABLES[name]())
 
 
 def main(name: str) -> None:
+    if name == "page":
+        text = PAGE.read_text(encoding="utf-8")
+        new = PRINTED.sub(lambda found: f"{found[1]}`{found[2]}```text\n{printed(found[1])}```", text)
+        PAGE.write_text(new, encoding="utf-8")
+        return
     if name == "drawing":
         from docs.vehicle import draw
 
         draw(PICTURE)
         return
-    for line in TABLES[name]():
-        print(line.rstrip(), flush=True)
+    print(printed(name), end="")
 
 
 if __name__ == "__main__":
