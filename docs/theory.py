@@ -77,7 +77,7 @@ def columns() -> Iterator[str]:
     yield ""
     for name, found in reduction.columns.items():
         numbers = sorted({column.lag + 1 for column in found})
-        yield f"{name:28}{len(found)} products, of lag functions {', '.join(map(str, numbers))}"
+        yield f"{name:28}products: {len(found)}, of lag functions {', '.join(map(str, numbers))}"
 
 
 def nodes() -> Iterator[str]:
