@@ -14,7 +14,7 @@ from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.reduction.columns import reduce
 from freqrail.solver import block_lags, block_quadrature, panels, quadrature, solve
-from freqrail.solver.problem import half_vehicle_problem, cells, cut
+from freqrail.solver.problem import cells, cut, half_vehicle_problem
 from freqrail.solver.quadrature import MeanSquare
 from tests.helpers import density, reference_nodes
 from tests.plain_vehicles import MAKERS, Plain, as_system, dense_outputs, lagged, outputs_of, places

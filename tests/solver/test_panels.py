@@ -11,11 +11,11 @@ import pytest
 from freqrail.model.band import Band
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum
 from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chains import poles
 from freqrail.solver import panels, quadrature, solve
 from freqrail.solver import solution as the_solution
 from freqrail.solver.partial_fractions import own_resonances
 from freqrail.solver.problem import half_vehicle_problem
+from tests.chains import poles
 from tests.helpers import PAPER_NAMES, from_chains, reference_rms
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))

@@ -11,9 +11,9 @@ from mpmath import mp, mpf
 from freqrail.model.equations import state_space
 from freqrail.model.responses import CHAINS
 from freqrail.model.vehicle import Vehicle, half_vehicle
-from freqrail.reduction.chains import chain_responses, poles
 from freqrail.solver import partial_fractions
 from freqrail.solver.partial_fractions import chain_poles, expand, own_resonances
+from tests.chains import chain_responses, poles
 from tests.extremes import forty_digits
 from tests.extremes.draws import KNOWN, PLAUSIBLE
 

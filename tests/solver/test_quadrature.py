@@ -13,8 +13,8 @@ from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chains import chain_responses, poles
 from freqrail.solver import quadrature
+from tests.chains import chain_responses, poles
 from tests.helpers import (
     ALL_NAMES,
     PAPER_NAMES,

@@ -13,10 +13,10 @@ from freqrail.model.equations import state_space
 from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
-from freqrail.reduction.chains import chain_system
 from freqrail.solver import residues, solve
 from freqrail.solver import solution as the_solution
 from freqrail.solver.problem import half_vehicle_problem
+from tests.chains import chain_system
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "whole_axis.json").read_text())
 NAMES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke", "wheelset_acceleration")

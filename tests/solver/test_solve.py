@@ -18,13 +18,12 @@ from freqrail.model.equations import state_space
 from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chain_columns import track_response
-from freqrail.reduction.chains import chain_responses, chain_system, poles
 from freqrail.solver import quadrature as solver_quadrature
 from freqrail.solver import residues
 from freqrail.solver import solution as the_solution
 from freqrail.solver import solve as solver_solve
 from freqrail.solver.problem import half_vehicle_problem
+from tests.chains import chain_responses, chain_system, poles, track_response
 from tests.helpers import (
     ALL_NAMES,
     PAPER_NAMES,
