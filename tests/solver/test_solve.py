@@ -240,6 +240,15 @@ def test_the_size_of_blocks_changes_no_bit(table_i, monkeypatch, count, band):
     assert all(identical(solved[0][0], other) for other, _ in solved[1:])
 
 
+@pytest.mark.parametrize("band", BANDS)
+def test_rigid_joints_on_an_axis_with_others_have_the_same_bits_in_any_block(paper_vehicle, monkeypatch, band):
+    """A rigid leg has a state less, which must not be felt by who is in its block."""
+    joints = np.array([5e6, 1e7, np.inf])
+    many = replace(paper_vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints)
+    solved = [in_blocks_of(block, monkeypatch, many, np.array([30.0, 60.0]), band)[0] for block in (1, 2, 4, 9)]
+    assert all(identical(solved[0], other) for other in solved[1:])
+
+
 @pytest.mark.parametrize("together", [1, 5])
 def test_vehicles_with_nodes_of_their_own_have_the_same_bits_in_any_company(table_i, monkeypatch, together):
     """Their resonances are found for some at a time."""
