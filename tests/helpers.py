@@ -2,8 +2,8 @@
 
 The references start from the assembled half vehicle (`system_response`, `state_space`), add the four
 wheels' lags one by one before any modulus, and integrate by rules of their own (`independent`, which knows nothing of
-the package). Only `from_chains` goes through the decoupled chains; none through the lag columns and panels that the
-package computes with.
+the package). `from_chains` goes through the chains that `tests.chains` derives by hand; none goes through the blocks,
+columns and panels that the package computes with.
 """
 
 from __future__ import annotations
@@ -16,8 +16,11 @@ from freqrail.model.equations import state_space, system_response
 from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.vehicle import DEGREES_OF_FREEDOM, Vehicle, half_vehicle
-from freqrail.reduction.chain_columns import track_response
-from freqrail.reduction.chains import chain_responses
+from freqrail.solver import block_residues, solve
+from freqrail.solver.problem import Problem, half_vehicle_problem
+from freqrail.solver.quadrature import MeanSquare
+from freqrail.solver.resonances import resonances
+from tests.chains import chain_responses, track_response
 from tests.independent import density, lagged, lags, outputs_of, read_off, reference_nodes, whole_axis_rms
 
 INDEX = {name: place for place, name in enumerate(DEGREES_OF_FREEDOM)}
@@ -73,9 +76,9 @@ def explicit_responses(
 def from_chains(
     vehicle: Vehicle, omega: np.ndarray, speed: float, names: tuple[str, ...] = ALL_NAMES
 ) -> dict[str, np.ndarray]:
-    """The same from the package's chains, for references that need only an integral of their own.
+    """The same from the chains, for references that need only an integral of their own.
 
-    test_response holds the chains to `explicit_responses`; they keep more digits and take a tenth of the time.
+    test_chains holds the chains to `explicit_responses`; they keep more digits and take a tenth of the time.
     """
     chains = chain_responses(vehicle, omega)
     return {name: track_response(RESPONSES[name], vehicle, omega, speed, chains) for name in names}
@@ -115,3 +118,17 @@ def residue_rms(vehicle: Vehicle, spectrum: RationalSpectrum, speed: float) -> d
     """RMS over the whole axis, {name: [positions]}, in closed form from the package's state matrices."""
     model = state_space(half_vehicle(vehicle))
     return whole_axis_rms(vehicle, model.a, model.b, spectrum, speed, ALL_NAMES)
+
+
+def whole_axis_mean_squares(
+    vehicle: Vehicle, names: tuple[str, ...], spectrum: RationalSpectrum, speed: np.ndarray
+) -> dict[str, MeanSquare]:
+    """The package's closed form for a half vehicle or a grid of them, whatever its estimates say."""
+    study = half_vehicle_problem(vehicle, speed, spectrum, None, names)
+    return block_residues.whole_axis_mean_squares(study.reduction, study.values, spectrum, speed)
+
+
+def own_quadrature(study: Problem, index: tuple[int, ...] = ()) -> dict[str, MeanSquare]:
+    """What the package makes of one vehicle of a grid with nodes placed for it alone: [labels, speeds]."""
+    alone = study.at(index)
+    return solve._own_quadrature(alone, resonances(alone.reduction, alone.values))

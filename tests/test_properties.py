@@ -18,11 +18,10 @@ from freqrail.model.equations import system_response
 from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.vehicle import Vehicle, half_vehicle
-from freqrail.reduction.chain_columns import track_response
-from freqrail.reduction.chains import chain_responses, poles
 from freqrail.solver import solution
 from freqrail.solver import solve as solver_solve
-from freqrail.solver.problem import half_vehicle_problem, cells
+from freqrail.solver.problem import cells, half_vehicle_problem
+from tests.chains import chain_responses, poles, track_response
 from tests.helpers import ALL_NAMES, INDEX, random_vehicle
 
 EXAMPLES = settings(deadline=None, derandomize=True, database=None, max_examples=15)

@@ -12,7 +12,7 @@ from freqrail.confirm.track_record import Track, fixed_amplitudes, sampled_track
 from freqrail.errors import NumericalError
 from freqrail.model.equations import state_space
 from freqrail.model.vehicle import half_vehicle
-from freqrail.reduction.chains import chain_system
+from tests.chains import chain_system
 
 LAG = np.zeros(1)
 PERIOD = 1.0  # s

@@ -21,8 +21,13 @@ from freqrail.model.equations import leg_dynamic_stiffness, state_space, system_
 from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import CHAINS, RESPONSES
 from freqrail.model.vehicle import Vehicle, half_vehicle
-from freqrail.reduction.chain_columns import (
+from freqrail.solver import solve
+from freqrail.solver.problem import half_vehicle_problem
+from tests.chains import (
     LAG_COLUMNS,
+    chain_response,
+    chain_responses,
+    chain_system,
     column_powers,
     column_signs,
     lag_columns,
@@ -30,9 +35,6 @@ from freqrail.reduction.chain_columns import (
     top_products,
     track_response,
 )
-from freqrail.reduction.chains import chain_response, chain_responses, chain_system
-from freqrail.solver import solve
-from freqrail.solver.problem import half_vehicle_problem
 from tests.helpers import (
     ALL_NAMES,
     INDEX,

@@ -14,10 +14,9 @@ from freqrail.model.equations import state_space
 from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import RESPONSES
 from freqrail.model.vehicle import half_vehicle
-from freqrail.reduction.chain_columns import track_response
-from freqrail.reduction.chains import chain_responses
 from freqrail.replication import procedures
 from freqrail.replication.procedures import ABSOLUTE, DURATION, RELATIVE, Procedure, run
+from tests.chains import chain_responses, track_response
 
 BAND = (0.1, 100.0)
 SPEED = 250 / 3.6

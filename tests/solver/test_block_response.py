@@ -10,10 +10,10 @@ import pytest
 
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.reduction.blocks import blocks_of
-from freqrail.reduction.chains import chain_responses
 from freqrail.reduction.columns import Reduction, reduce
 from freqrail.solver.block_response import column, parts_of, scalars, unsound
 from freqrail.solver.elimination import is_tree, order_of
+from tests.chains import chain_responses
 from tests.plain_vehicles import MAKERS, Plain, arm, as_system, dense_outputs, outputs_of
 
 OMEGA = np.geomspace(2 * np.pi * 0.05, 2 * np.pi * 400, 60)

@@ -13,10 +13,11 @@ from freqrail.model.equations import state_space
 from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
-from freqrail.reduction.chains import chain_system
-from freqrail.solver import residues, solve
+from freqrail.solver import block_residues, solve
 from freqrail.solver import solution as the_solution
 from freqrail.solver.problem import half_vehicle_problem
+from tests.chains import chain_system
+from tests.helpers import own_quadrature, whole_axis_mean_squares
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "whole_axis.json").read_text())
 NAMES = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke", "primary_stroke", "wheelset_acceleration")
@@ -47,7 +48,7 @@ def reference_spectrum() -> RationalSpectrum:
 def test_the_closed_form_agrees_with_fifty_digits(case):
     """1e-9 from 0.5 MN/m to rigid joints, the singular points included; softer joints as their estimate says."""
     vehicle, speed = reference_vehicle(case), np.array([float(case["speed_km_h"]) * KMH])
-    squares = residues.whole_axis_mean_squares(vehicle, NAMES, reference_spectrum(), speed)
+    squares = whole_axis_mean_squares(vehicle, NAMES, reference_spectrum(), speed)
     found = np.concatenate([squares[name].value[:, 0] for name in NAMES])
     estimate = np.concatenate([squares[name].error[:, 0] for name in NAMES]) / found
     true = np.abs(found / np.array(list(map(float, case["mean_squares"]))) - 1)
@@ -68,9 +69,9 @@ def test_closed_form_and_quadrature_agree_on_the_paper_grid(paper_vehicle, germa
         name for name in RESPONSES if name != "wheelset_acceleration"
     )  # whose tail the quadrature only bounds
     study = half_vehicle_problem(vehicles, np.array([20.0, 100, 250, 600]) * KMH, german_low, None, names)
-    squares = residues.whole_axis_mean_squares(vehicles, names, german_low, study.speed)
+    squares = whole_axis_mean_squares(vehicles, names, german_low, study.speed)
     for index in np.ndindex(3, 3):
-        own = solve._own_quadrature(study, index)
+        own = own_quadrature(study, index)
         for name in names:
             exact, other = squares[name].value[:, *index], own[name].value
             allowed = squares[name].error[:, *index] + own[name].error
@@ -111,8 +112,8 @@ def test_nothing_happens_where_two_poles_merge(paper_vehicle, german_low, merger
     vehicle = replace(vehicle, **{joint: scale * critical(vehicle, joint, chain, low, high)})
     study = half_vehicle_problem(vehicle, np.array([250 * KMH]), german_low, None, NAMES[:4])
     squares, own = (
-        residues.whole_axis_mean_squares(vehicle, study.names, german_low, study.speed),
-        solve._own_quadrature(study, ()),
+        whole_axis_mean_squares(vehicle, study.names, german_low, study.speed),
+        own_quadrature(study),
     )
     for name in study.names:
         apart = np.abs(squares[name].value - own[name].value)
@@ -132,10 +133,10 @@ def test_vehicles_and_speeds_of_a_grid_are_singular_each_for_itself(paper_vehicl
         secondary_joint_stiffness=np.array([5e6, 69.82e6, 0.5e6, np.inf]),
     )
     speed = np.array([50, 77.84414, 250, 310]) * KMH
-    together = residues.whole_axis_mean_squares(many, NAMES, german_low, speed)
+    together = whole_axis_mean_squares(many, NAMES, german_low, speed)
     for index in np.ndindex(many.shape):
         for k in range(speed.size):
-            alone = residues.whole_axis_mean_squares(many.at(index), NAMES, german_low, speed[k : k + 1])
+            alone = whole_axis_mean_squares(many.at(index), NAMES, german_low, speed[k : k + 1])
             for name in NAMES:
                 found, expected = together[name].value[:, *index, k], alone[name].value[:, 0]
                 np.testing.assert_allclose(found, expected, rtol=2e-9)
@@ -160,8 +161,8 @@ def test_the_unit_of_time_is_ours_to_choose(paper_vehicle, german_low, slower):
         paper_vehicle.traditional(),
     ):
         speed = np.array([100, 250]) * KMH
-        one = residues.whole_axis_mean_squares(vehicle, NAMES, german_low, speed)
-        other = residues.whole_axis_mean_squares(slow(vehicle), NAMES, german_low, speed / slower)
+        one = whole_axis_mean_squares(vehicle, NAMES, german_low, speed)
+        other = whole_axis_mean_squares(slow(vehicle), NAMES, german_low, speed / slower)
         for name in NAMES:
             factor = slower ** (2 * RESPONSES[name].derivative)
             np.testing.assert_allclose(factor * other[name].value, one[name].value, rtol=1e-9)
@@ -170,15 +171,15 @@ def test_the_unit_of_time_is_ours_to_choose(paper_vehicle, german_low, slower):
 def test_a_spectrum_with_simple_poles_is_taken_as_it_is():
     for cutoffs in ((0.02, 0.8), (0.5, 0.56), (0.8, 0.02)):
         spectrum = RationalSpectrum("rational", 1e-7, cutoffs)
-        assert residues.spread(spectrum) == [(1.0, spectrum)]
+        assert block_residues.spread(spectrum) == [(1.0, spectrum)]
 
 
 @pytest.mark.parametrize("cutoffs", [(0.5, 0.5), (0.5, 0.52), (0.52, 0.5), (7.0, 7.001), (1e-4, 1e-4)])
 def test_a_spectrum_with_merging_poles_is_the_sum_of_others(cutoffs):
     spectrum = RationalSpectrum("rational", 1e-7, cutoffs)
-    parts = residues.spread(spectrum)
+    parts = block_residues.spread(spectrum)
     assert len(parts) > 1
-    assert all(residues.spread(part) == [(1.0, part)] for _, part in parts)
+    assert all(block_residues.spread(part) == [(1.0, part)] for _, part in parts)
     assert sum(weight for weight, _ in parts) == pytest.approx(1, rel=1e-12)
     assert sum(abs(weight) for weight, _ in parts) < 60
     wavenumber = cutoffs[0] * np.geomspace(1e-3, 1e3, 50)
@@ -189,25 +190,25 @@ def test_a_spectrum_with_merging_poles_is_the_sum_of_others(cutoffs):
 def test_the_closed_form_is_for_rational_spectra(paper_vehicle):
     table = TabulatedSpectrum("measured", (0.1, 1.0), (1e-4, 1e-6))
     with pytest.raises(TypeError, match="TabulatedSpectrum"):
-        residues.whole_axis_mean_squares(paper_vehicle, NAMES, table, np.array([60.0]))
+        whole_axis_mean_squares(paper_vehicle, NAMES, table, np.array([60.0]))
 
 
 def test_nothing_happens_where_a_vehicle_pole_meets_a_track_pole(paper_vehicle, german_low):
     """77.84414 km/h on the paper's case, and a hair beside: quadrature does not know that anything is special there."""
     offsets = np.array([-2e-3, -1e-3, -1e-5, -1e-8, 0, 1e-9, 1e-6, 1e-4, 1.1e-3])
     study = half_vehicle_problem(paper_vehicle, 77.84414 * (1 + offsets) * KMH, german_low, None, NAMES[:4])
-    squares = residues.whole_axis_mean_squares(paper_vehicle, study.names, german_low, study.speed)
-    own = solve._own_quadrature(study, ())
+    squares = whole_axis_mean_squares(paper_vehicle, study.names, german_low, study.speed)
+    own = own_quadrature(study)
     for name in study.names:
         assert squares[name].value == pytest.approx(own[name].value, rel=1e-9, abs=0)
 
 
 def test_a_stiff_joint_is_a_rigid_joint_up_to_one_over_its_stiffness(paper_vehicle, german_low):
     speed = np.array([100, 250]) * KMH
-    rigid = residues.whole_axis_mean_squares(paper_vehicle.traditional(), NAMES, german_low, speed)
+    rigid = whole_axis_mean_squares(paper_vehicle.traditional(), NAMES, german_low, speed)
     stiffness = 10.0 ** np.arange(10, 16)
     stiff = replace(paper_vehicle, primary_joint_stiffness=stiffness, secondary_joint_stiffness=stiffness)
-    squares = residues.whole_axis_mean_squares(stiff, NAMES, german_low, speed)
+    squares = whole_axis_mean_squares(stiff, NAMES, german_low, speed)
     for name in NAMES:
         apart = np.max(np.abs(squares[name].value / rigid[name].value[:, None] - 1), axis=(0, 2))
         assert np.all(apart[1:] < 0.11 * apart[:-1])  # a tenth for ten times the stiffness
@@ -217,7 +218,7 @@ def test_softer_joints_own_up_to_a_larger_error(paper_vehicle, german_low):
     """The wheelset's damping shrinks with the square of the joint's stiffness, towards the rounding error."""
     stiffness = 10.0 ** np.arange(3, 7)[::-1]
     soft = replace(paper_vehicle, primary_joint_stiffness=stiffness, secondary_joint_stiffness=stiffness)
-    square = residues.whole_axis_mean_squares(soft, NAMES, german_low, np.array([250 * KMH]))["primary_stroke"]
+    square = whole_axis_mean_squares(soft, NAMES, german_low, np.array([250 * KMH]))["primary_stroke"]
     relative = (square.error / square.value)[0, :, 0]
     assert np.all(np.diff(relative) > 0)
     assert relative[0] < 2e-9
@@ -232,8 +233,8 @@ def test_cutoffs_may_be_equal_or_nearly_so(paper_vehicle, cutoff, apart):
     for vehicle in (paper_vehicle, paper_vehicle.traditional()):
         study = half_vehicle_problem(vehicle, np.array([100, 250]) * KMH, track, None, NAMES[:4])
         squares, own = (
-            residues.whole_axis_mean_squares(vehicle, study.names, track, study.speed),
-            solve._own_quadrature(study, ()),
+            whole_axis_mean_squares(vehicle, study.names, track, study.speed),
+            own_quadrature(study),
         )
         for name in study.names:
             assert np.all(np.abs(squares[name].value - own[name].value) <= squares[name].error + own[name].error)
@@ -298,8 +299,8 @@ def test_a_residue_that_rounding_spoils_is_found_out(paper_vehicle, german_low, 
     """Soft secondary joints, slow and fast overdamped poles: the estimate covers the error, the grid mends it."""
     vehicle = replace(paper_vehicle, **change)
     study = half_vehicle_problem(vehicle, np.array([speed * KMH]), german_low, None, NAMES[:4])
-    squares = residues.whole_axis_mean_squares(vehicle, study.names, german_low, study.speed)
-    own, solution = solve._own_quadrature(study, ()), solve.solve(study)
+    squares = whole_axis_mean_squares(vehicle, study.names, german_low, study.speed)
+    own, solution = own_quadrature(study), solve.solve(study)
     for name in study.names:
         apart = np.abs(squares[name].value - own[name].value)
         assert not np.any(apart > squares[name].error + own[name].error)

@@ -14,28 +14,33 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from freqrail.model.band import Band
+from freqrail.model.elements import Values
 from freqrail.model.equations import state_space
 from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.model.vehicle import Vehicle
-from freqrail.reduction.chain_columns import track_response
-from freqrail.reduction.chains import chain_responses, chain_system, poles
+from freqrail.reduction.columns import Reduction
+from freqrail.solver import block_quadrature, block_residues, panels
 from freqrail.solver import quadrature as solver_quadrature
-from freqrail.solver import residues
 from freqrail.solver import solution as the_solution
 from freqrail.solver import solve as solver_solve
 from freqrail.solver.problem import half_vehicle_problem
+from tests.chains import chain_responses, chain_system, poles, track_response
 from tests.helpers import (
     ALL_NAMES,
     PAPER_NAMES,
     from_chains,
+    own_quadrature,
     random_vehicles,
     reference_rms,
     residue_rms,
+    whole_axis_mean_squares,
 )
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
 PAPER_BAND = Band("frequency", 0.1, 100.0)
+RINGING = Band("frequency", 0.1, 300.0)  # with the wheelsets near 195 Hz
+TABLE = TabulatedSpectrum("measured", (1e-3, 1e3), (3e-2, 3e-14))  # no density off the axis, and no kink in a band
 KMH = 1 / 3.6
 
 
@@ -180,19 +185,19 @@ def on_threads(jobs: int, monkeypatch: pytest.MonkeyPatch, vehicle: Vehicle, ban
     return solution, threads
 
 
-def tilt(monkeypatch: pytest.MonkeyPatch, tilted: Callable[[Vehicle], bool]) -> None:
+def tilt(monkeypatch: pytest.MonkeyPatch, tilted: Callable[[Values], bool]) -> None:
     """Mean squares a bit larger for every block of which `tilted` holds."""
 
     def changed(original: Callable) -> Callable:
-        def inner(vehicle: Vehicle, *given):
-            squares = original(vehicle, *given)
-            if tilted(vehicle):
+        def inner(reduction: Reduction, values: Values, *given):
+            squares = original(reduction, values, *given)
+            if tilted(values):
                 squares = {k: replace(m, value=np.nextafter(m.value, np.inf)) for k, m in squares.items()}
             return squares
 
         return inner
 
-    for module, name in ((solver_quadrature, "mean_squares"), (residues, "whole_axis_mean_squares")):
+    for module, name in ((block_quadrature, "mean_squares"), (block_residues, "whole_axis_mean_squares")):
         monkeypatch.setattr(module, name, changed(getattr(module, name)))
 
 
@@ -209,7 +214,7 @@ def test_the_number_of_jobs_changes_no_bit(corners, monkeypatch, band, jobs):
 
 @pytest.mark.parametrize("band", BANDS)
 def test_a_bit_that_depended_on_the_thread_would_be_seen(corners, monkeypatch, band):
-    tilt(monkeypatch, lambda vehicle: threading.get_ident() != threading.main_thread().ident)
+    tilt(monkeypatch, lambda values: threading.get_ident() != threading.main_thread().ident)
     assert not identical(*(on_threads(jobs, monkeypatch, corners, band)[0] for jobs in (1, 2)))
 
 
@@ -225,19 +230,41 @@ def test_the_size_of_blocks_changes_no_digit_that_counts(table_i, monkeypatch, b
             np.testing.assert_allclose(other.rms[name], first.rms[name], rtol=1e-14)
 
 
+@pytest.mark.parametrize("band", BANDS)
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_the_size_of_blocks_changes_no_bit(table_i, monkeypatch, count):
+def test_the_size_of_blocks_changes_no_bit(table_i, monkeypatch, count, band):
     """docs/architecture.md: bits do not depend on the cut."""
     speeds = np.linspace(100, 300, count) * KMH
-    solved = [in_blocks_of(block, monkeypatch, table_i, speeds, PAPER_BAND) for block in CUTS]
+    solved = [in_blocks_of(block, monkeypatch, table_i, speeds, band) for block in CUTS]
     assert [blocks for _, blocks in solved] == list(CUTS.values())
     assert all(identical(solved[0][0], other) for other, _ in solved[1:])
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_rigid_joints_on_an_axis_with_others_have_the_same_bits_in_any_block(paper_vehicle, monkeypatch, band):
+    """A rigid leg has a state less, which must not be felt by who is in its block."""
+    joints = np.array([5e6, 1e7, np.inf])
+    many = replace(paper_vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints)
+    solved = [in_blocks_of(block, monkeypatch, many, np.array([30.0, 60.0]), band)[0] for block in (1, 2, 4, 9)]
+    assert all(identical(solved[0], other) for other in solved[1:])
+
+
+@pytest.mark.parametrize("together", [1, 5])
+def test_vehicles_with_nodes_of_their_own_have_the_same_bits_in_any_company(table_i, monkeypatch, together):
+    """Their resonances are found for some at a time."""
+    monkeypatch.setattr(panels, "SHARED_WEIGHTS", 0)
+    study = half_vehicle_problem(table_i, np.array([30.0, 60.0]), TRACK, RINGING, PAPER_NAMES)
+    whole = solver_solve.solve(study)
+    assert np.all(whole.method == the_solution.METHOD.index("own_quadrature"))
+    assert_ok(whole)
+    monkeypatch.setattr(solver_solve, "TOGETHER", together)
+    assert identical(whole, solver_solve.solve(study, jobs=2))
 
 
 @pytest.mark.parametrize("size", [1, 4, 9, 36])
 def test_a_bit_that_depended_on_the_cut_would_be_seen(table_i, monkeypatch, size):
     """Each of the cuts alone: it is told from the others by the number of vehicles in a block."""
-    tilt(monkeypatch, lambda vehicle: np.prod(vehicle.shape) == size)
+    tilt(monkeypatch, lambda values: np.prod(block_quadrature.shape_of(values)) == size)
     speeds = np.array([60.0])
     solutions = [in_blocks_of(block, monkeypatch, table_i, speeds, PAPER_BAND)[0] for block in CUTS]
     odd = [1, 4, 9, 36].index(size)
@@ -537,7 +564,7 @@ def test_a_root_has_half_the_relative_error_of_its_square():
     assert error == [0.005]
 
 
-def test_responses_do_not_care_for_a_chain_that_they_are_no_part_of(paper_vehicle):
+def test_responses_do_not_care_for_a_block_that_they_are_no_part_of(paper_vehicle):
     """Without primary dampers the bogies pitch for ever, which neither the car body nor the bogies' centres feel."""
     undamped = replace(paper_vehicle, primary_damping=np.array([0.0, 17e3]))
     names = ("car_body_acceleration", "bogie_acceleration", "secondary_stroke")
@@ -551,7 +578,7 @@ def test_responses_do_not_care_for_a_chain_that_they_are_no_part_of(paper_vehicl
 
 
 def test_one_number_that_the_closed_form_doubts_is_tried_by_quadrature(paper_vehicle, monkeypatch):
-    closed = residues.whole_axis_mean_squares
+    closed = block_residues.whole_axis_mean_squares
 
     def doubtful(*given):
         squares = closed(*given)
@@ -560,7 +587,7 @@ def test_one_number_that_the_closed_form_doubts_is_tried_by_quadrature(paper_veh
 
     many = replace(paper_vehicle, bogie_mass=np.array([600.0, 700.0]))
     good = solve(many, [30.0, 60.0, 80.0], None)
-    monkeypatch.setattr(residues, "whole_axis_mean_squares", doubtful)
+    monkeypatch.setattr(block_residues, "whole_axis_mean_squares", doubtful)
     mended = solve(many, [30.0, 60.0, 80.0], None)
     assert_ok(mended)
     assert mended.method[0, 2] == the_solution.METHOD.index("own_quadrature")
@@ -572,7 +599,7 @@ def test_one_number_that_the_closed_form_doubts_is_tried_by_quadrature(paper_veh
 def test_each_response_takes_the_better_of_closed_form_and_quadrature(paper_vehicle, monkeypatch):
     """Where either is good for one response and not for the other, both have numbers."""
     names = ("bogie_acceleration", "primary_stroke")
-    closed, own = residues.whole_axis_mean_squares, solver_solve._own_quadrature
+    closed, own = block_residues.whole_axis_mean_squares, solver_solve._own_quadrature
 
     def doubtful(*given):
         squares = closed(*given)
@@ -588,7 +615,7 @@ def test_each_response_takes_the_better_of_closed_form_and_quadrature(paper_vehi
         }
 
     good = solve(paper_vehicle, [30.0, 60.0], None, names)
-    monkeypatch.setattr(residues, "whole_axis_mean_squares", doubtful)
+    monkeypatch.setattr(block_residues, "whole_axis_mean_squares", doubtful)
     monkeypatch.setattr(solver_solve, "_own_quadrature", lost)
     mended = solve(paper_vehicle, [30.0, 60.0], None, names)
     assert np.all(mended.method == the_solution.METHOD.index("own_quadrature"))
@@ -597,14 +624,17 @@ def test_each_response_takes_the_better_of_closed_form_and_quadrature(paper_vehi
 
 
 @pytest.mark.parametrize(
-    ("band", "parts"),
+    ("band", "spectrum", "parts"),
     [
-        (None, 8),  # 1,000 vehicles at 100 speeds: 5 x 5 x 5 vehicles a block
-        (PAPER_BAND, 10),  # 5 x 5 x 4
-        (Band("frequency", 0.1, 300.0), 1000),  # a vehicle at a time
+        (None, TRACK, 8),  # 1,000 vehicles at 100 speeds: 5 x 5 x 5 vehicles a block
+        (PAPER_BAND, TRACK, 10),  # 5 x 5 x 4
+        (RINGING, TRACK, 10),
+        (RINGING, TABLE, 1000),  # a vehicle at a time
     ],
 )
-def test_the_time_of_a_sweep_is_that_of_its_first_block_times_the_blocks(paper_vehicle, monkeypatch, band, parts):
+def test_the_time_of_a_sweep_is_that_of_its_first_block_times_the_blocks(
+    paper_vehicle, monkeypatch, band, spectrum, parts
+):
     monkeypatch.setattr(solver_solve, "_timed", lambda task: task() is None or 6.0)
     joints = np.geomspace(1e6, 1e8, 10)
     many = replace(
@@ -613,7 +643,7 @@ def test_the_time_of_a_sweep_is_that_of_its_first_block_times_the_blocks(paper_v
         secondary_joint_stiffness=joints[:, None],
         bogie_mass=np.linspace(500, 700, 10),
     )
-    study = half_vehicle_problem(many, np.linspace(30, 80, 100), TRACK, band, PAPER_NAMES)
+    study = half_vehicle_problem(many, np.linspace(30, 80, 100), spectrum, band, PAPER_NAMES)
     assert solver_solve.seconds(study) == 6.0 * parts
     assert solver_solve.seconds(study, jobs=3) == 2.0 * parts
 
@@ -623,7 +653,7 @@ def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle
     """One of six numbers at one speed that cannot be promised is NaN, and the point's status tells; the rest stays."""
     names, closed, own = (
         ("bogie_acceleration", "primary_stroke"),
-        residues.whole_axis_mean_squares,
+        block_residues.whole_axis_mean_squares,
         solver_solve._own_quadrature,
     )
 
@@ -632,7 +662,7 @@ def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle
         squares["primary_stroke"].error[at] = error
         return squares
 
-    monkeypatch.setattr(residues, "whole_axis_mean_squares", lambda *given: spoiled(closed(*given), (2, ..., 1)))
+    monkeypatch.setattr(block_residues, "whole_axis_mean_squares", lambda *given: spoiled(closed(*given), (2, ..., 1)))
     monkeypatch.setattr(solver_solve, "_own_quadrature", lambda *given: spoiled(own(*given), (2,)))
     many = replace(paper_vehicle, bogie_mass=np.array([500.0, 600.0]))
     solution = solve(many, [30.0, 60.0, 80.0], None, names)
@@ -647,32 +677,32 @@ def test_a_point_is_ok_only_if_every_position_of_every_response_is(paper_vehicle
 
 
 def test_a_response_that_lacks_one_position_has_a_method_all_the_same(paper_vehicle, monkeypatch):
-    quadrature = solver_quadrature.mean_squares
+    quadrature = block_quadrature.mean_squares
 
     def spoiled(*given):
         squares = quadrature(*given)
         squares["primary_stroke"].value[2] = np.nan
         return squares
 
-    monkeypatch.setattr(solver_quadrature, "mean_squares", spoiled)
+    monkeypatch.setattr(block_quadrature, "mean_squares", spoiled)
     solution = solve(paper_vehicle, [60.0], names=("primary_stroke",))
     assert np.isnan(solution.rms["primary_stroke"][:, 0]).tolist() == [False, False, True, False]
     assert solution.method.tolist() == [the_solution.METHOD.index("own_quadrature")]
 
 
 def test_a_vehicle_that_shared_nodes_serve_badly_anywhere_gets_its_own(paper_vehicle, monkeypatch):
-    quadrature = solver_quadrature.mean_squares
+    quadrature = block_quadrature.mean_squares
 
-    def doubtful(vehicle, names, nodes, lost):
-        squares = quadrature(vehicle, names, nodes, lost)
-        if vehicle.shape:  # together
+    def doubtful(reduction, values, nodes, lost):
+        squares = quadrature(reduction, values, nodes, lost)
+        if block_quadrature.shape_of(values):  # together
             squares["primary_stroke"].error[3, 1, 2] = 1e-3 * squares["primary_stroke"].value[3, 1, 2]
         return squares
 
     many = replace(paper_vehicle, bogie_mass=np.array([500.0, 600.0, 700.0]))
     monkeypatch.setattr(solver_solve, "REFINE_ABOVE", 1e-6)
     good = solve(many, [30.0, 60.0, 80.0])
-    monkeypatch.setattr(solver_quadrature, "mean_squares", doubtful)
+    monkeypatch.setattr(block_quadrature, "mean_squares", doubtful)
     mended = solve(many, [30.0, 60.0, 80.0])
     shared, own = (the_solution.METHOD.index(f"{kind}_quadrature") for kind in ("shared", "own"))
     assert mended.method.tolist() == [[shared] * 3, [own] * 3, [shared] * 3]
@@ -685,8 +715,8 @@ def test_quadrature_on_the_whole_axis_owns_up_to_the_tail(paper_vehicle):
     """The wheelsets' acceleration has one: the bound is not below what is missing, nor a hundred times above it."""
     vehicle, names = paper_vehicle.traditional(), ("wheelset_acceleration",)
     study = half_vehicle_problem(vehicle, np.array([30.0, 60.0]), TRACK, None, names)
-    exact = residues.whole_axis_mean_squares(vehicle, names, TRACK, study.speed)[names[0]].value
-    own = solver_solve._own_quadrature(study, ())[names[0]]
+    exact = whole_axis_mean_squares(vehicle, names, TRACK, study.speed)[names[0]].value
+    own = own_quadrature(study)[names[0]]
     missing = exact - own.value
     assert np.all(missing > 0)
     assert np.all(missing < own.error)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from freqrail.model.half_vehicle import half_vehicle, values_of
-from freqrail.reduction import chains
 from freqrail.reduction.blocks import blocks_of
 from freqrail.solver import vehicle_poles as the_poles
 from freqrail.solver.vehicle_poles import free_motion, half_vehicle_blocks, half_vehicle_poles
+from tests import chains
 from tests.helpers import random_vehicles
 from tests.independent import state_matrices
 
