@@ -10,7 +10,7 @@ import functools
 import itertools
 import operator
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,28 @@ class ReadBlock:
     expansion: Expansion
     residue_errors: dict[int, Array]
     direct: list[Number]
+
+    def at(self, grid: tuple[int, ...], places: tuple[NDArray[np.intp], ...]) -> ReadBlock:
+        """That of the vehicles at some places of a grid, an index array [r] an axis, as a grid [r, 1]."""
+
+        def taken(x: NDArray, inner: int = 1) -> NDArray:
+            return np.broadcast_to(x, (*grid, *x.shape[x.ndim - inner :]))[places][:, None]
+
+        each = self.expansion
+        tables = [{k: taken(x) for k, x in table.items()} for table in (each.residues, each.rounding)]
+        expansion = replace(
+            each,
+            poles=taken(each.poles),
+            weight=taken(each.weight),
+            residues=tables[0],
+            rounding=tables[1],
+            defect=taken(each.defect),
+            light=taken(each.light),
+            shift=taken(each.shift),
+            lost=taken(each.lost, 0),
+        )
+        errors = {k: taken(x) for k, x in self.residue_errors.items()}
+        return ReadBlock(expansion, errors, [taken(x) for x in self.direct])
 
 
 def read_blocks(reduction: Reduction, values: Values) -> dict[int, ReadBlock]:
