@@ -23,7 +23,7 @@ from freqrail.solver.closed_form import LOSS
 from freqrail.solver.problem import cells
 from freqrail.types import Number
 
-AT_ONCE = 1 << 17  # numbers that a cell's waves hold: few enough to stay in the cache
+AT_ONCE = 1 << 18  # numbers that a cell's waves hold: few enough to stay in the cache
 MORE_AT_ONCE = 1 << 19  # and its products of scalars, each of which is used less
 
 Cell = tuple[slice, ...]
@@ -59,6 +59,7 @@ def add_pole_terms(
     own = np.broadcast_shapes((1,) * axes, *shapes, *map(np.shape, track.cutoffs), np.shape(track.roughness))
     most = AT_ONCE // (2 * each.states * speed.shape[-1] * len(some))
     needed = _needed(some, distances)
+    apart = {k: bool(np.any(distances.d[k])) for k in needed}
     for cell in _cells(own, most):
         waves, density = _waves(
             np.ascontiguousarray(_part(each.poles, cell, 1)),
@@ -66,7 +67,7 @@ def add_pole_terms(
             each.states,
             distances.sums,
             some,
-            {k: _part(distances.d[k], cell, 0) for k in needed},
+            {k: _part(distances.d[k], cell, 0) if apart[k] else None for k in needed},
             track.part(cell),
             _part(speed, cell, 1),
         )
@@ -106,14 +107,14 @@ def _waves(
     states: int,
     sums: dict[int, tuple[int, int]],
     some: list[int],
-    d: dict[int, NDArray],
+    d: dict[int, NDArray | None],
     track: Track,
     speed: Array,
 ) -> tuple[Array, Array]:
     """G(s) e^{s d} at poles p [grid..., k] for some distances d at every speed, and |G|, [grid..., states, speeds].
 
-    d: of some, and before them those that they are sums of. The waves are [grid..., distances, 2, states, speeds]: real
-    and imaginary parts at each pole, then zeros.
+    d: of some, and before them those that they are sums of; None for zero. The waves are [grid..., distances, 2,
+    states, speeds]: real and imaginary parts at each pole, then zeros.
     """
     v = speed[..., None, :]
     roughness, *cutoffs = (np.asarray(x)[..., None, None] for x in (track.roughness, *track.cutoffs))
@@ -123,19 +124,19 @@ def _waves(
     density = roughness * cutoffs[1] ** 2 * v**3 / np.multiply(low - s2, high - s2)
     if not np.all(present > 0):
         density = np.where(present[..., None] > 0, density, 0.0)
-    shape = np.broadcast_shapes(density.shape, *((*np.shape(d[k]), 1, 1) for k in some))
+    shape = np.broadcast_shapes(density.shape, *((*np.shape(x), 1, 1) for x in d.values() if x is not None))
     count = shape[-2]
     waves = np.zeros((*shape[:-2], len(some), 2, states, shape[-1]))
     pure: dict[int, Complex] = {}  # e^{s d}, where another lag is made of it
     lagged: dict[int, Complex] = {}
-    for k in d:
-        if not np.any(d[k]):
+    for k, length in d.items():
+        if length is None:
             lagged[k] = density
         elif k in sums:
             i, j = sums[k]
             lagged[k] = np.multiply(pure[i], lagged[j])
         else:
-            pure[k] = _exponential(p, d[k][..., None, None] / v)
+            pure[k] = _exponential(p, length[..., None, None] / v)
             lagged[k] = np.multiply(pure[k], density)
         if k in some:
             place = some.index(k)

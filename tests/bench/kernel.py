@@ -1,6 +1,6 @@
 """The general kernel against the chains, alone and in one run: 100 x 100 joint stiffnesses x 100 speeds, 0.1 to 100 Hz.
 
-And the closed form over the whole axis, of 1,000 of these vehicles. python -m tests.bench.kernel
+python -m tests.bench.kernel
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from freqrail.model.band import Band
 from freqrail.model.half_vehicle import half_vehicle, outputs
 from freqrail.model.responses import RESPONSES
 from freqrail.reduction.columns import reduce
-from freqrail.solver import block_lags, block_quadrature, block_residues, panels, quadrature, residues, solve
+from freqrail.solver import block_lags, block_quadrature, panels, quadrature, solve
 from freqrail.solver.problem import Problem, cells, cut
 
 JOINTS = np.geomspace(0.5e6, 100e6, 100)
@@ -29,31 +29,6 @@ def paper_study(count: int = 100, speeds: int = 100) -> Problem:
     vehicle = replace(case.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints[None, :])
     speed = np.linspace(100, 300, speeds) / 3.6
     return Problem(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), tuple(RESPONSES)[:4])
-
-
-def whole_axis() -> None:
-    """The closed form over blocks against the chains': medians of alternating runs."""
-    study = paper_study()
-    joints = np.geomspace(0.5e6, 100e6, 40)
-    vehicle = replace(
-        study.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=np.geomspace(0.5e6, 100e6, 25)
-    )
-    reduction = reduce(half_vehicle(), outputs()[:4], vars(vehicle))
-    times: dict[str, list[float]] = {"old": [], "new": []}
-    for _ in range(5):
-        start = time.process_time()
-        before = residues.whole_axis_mean_squares(vehicle, study.names, study.spectrum, study.speed)
-        times["old"].append(time.process_time() - start)
-        start = time.process_time()
-        found = block_residues.whole_axis_mean_squares(reduction, vars(vehicle), study.spectrum, study.speed)
-        times["new"].append(time.process_time() - start)
-    worst = max(float(np.max(np.abs(found[k].value / before[k].value - 1))) for k in study.names)
-    points = joints.size * 25 * study.speed.size
-    one, other = (points / statistics.median(times[name]) for name in ("old", "new"))
-    print(
-        f"whole axis, points/s a core: chains {one:,.0f}, blocks {other:,.0f}, "
-        f"ratio {other / one:.2f}, largest difference {worst:.1e}"
-    )
 
 
 def main() -> None:
@@ -93,7 +68,6 @@ def main() -> None:
     one, other = (statistics.median(times[name]) for name in ("old", "new"))
     print(f"{study.points} points, {rule.omega.size} nodes: chains {one:.2f} s, blocks {other:.2f} s")
     print(f"ratio {one / other:.2f}, largest difference {worst:.1e}")
-    whole_axis()
 
 
 if __name__ == "__main__":
