@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.reduction.columns import Column, Reduction, lag_sums
-from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier
+from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, first, last, multiplier
 from freqrail.solver.block_response import column, scalars
 from freqrail.solver.closed_form import EPSILON, LOSS, SAFETY
 from freqrail.types import Number
@@ -64,11 +64,11 @@ def rows_of(reduction: Reduction) -> tuple[list[Row], list[Group]]:
         return each.lag, sorted({reduction.scalars[k].block for i, j, _, _ in each.powers for k in (i, j)})
 
     rows = sorted(((name, each) for name, some in reduction.columns.items() for each in some), key=key)
-    groups, first = [], 0
+    groups, start = [], 0
     for (lag, blocks), some in itertools.groupby(rows, key=key):
         count = len(list(some))
-        groups.append(Group(lag, slice(first, first + count), frozenset(blocks)))
-        first += count
+        groups.append(Group(lag, slice(start, start + count), frozenset(blocks)))
+        start += count
     return rows, groups
 
 
@@ -251,7 +251,7 @@ def _mirrored(
             factor = multiplier(scalar, reduction.blocks[scalar.block], spread_values, -p)
             value, wrong = np.multiply(factor, block.direct[y]), np.zeros(1)
             if bright.size:
-                errors = np.moveaxis(other.residue_errors[y], -1, 0)[..., None]
+                errors = first(other.residue_errors[y])[..., None]
                 lacking = np.where(light, _total(map(np.multiply, weights, errors)), 0.0)
                 factor = factor if np.ndim(factor) == 0 else factor[..., bright]
                 near = np.where(light, np.multiply(factor, fractions[place]), value[..., bright])
@@ -264,9 +264,9 @@ def _with(values: NDArray, places: NDArray[np.intp], others: NDArray) -> NDArray
     """Values [grid..., k] with those at some places of the last axis replaced by others, poles first in memory."""
     shape = np.broadcast_shapes(values.shape[:-1], others.shape[:-1])
     result = np.empty((values.shape[-1], *shape), values.dtype)
-    result[:] = np.moveaxis(np.broadcast_to(values, (*shape, values.shape[-1])), -1, 0)
-    result[places] = np.moveaxis(np.broadcast_to(others, (*shape, len(places))), -1, 0)
-    return np.moveaxis(result, 0, -1)
+    result[:] = first(np.broadcast_to(values, (*shape, values.shape[-1])))
+    result[places] = first(np.broadcast_to(others, (*shape, len(places))))
+    return last(result)
 
 
 def _mirror_weights(p: Complex, other: Expansion) -> list[Array]:

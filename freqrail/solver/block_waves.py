@@ -245,6 +245,7 @@ def _track_weights(
     low, high = track.cutoffs
     scale = track.roughness * high**2 / (high**2 - low**2) / 2
     place = {pair: k for k, pair in enumerate(pairs)}
+    some = [[(int(k), labels[k, row]) for k in np.flatnonzero(labels[:, row])] for row in range(len(rows))]
     weights, sizes = [], []
     for cutoff, residue in ((low, scale / low), (high, -scale / high)):
         decay = np.stack(np.broadcast_arrays(*(residue * np.exp(-cutoff * d) for d in distances.d)), axis=-1)
@@ -253,8 +254,8 @@ def _track_weights(
         weight, size = np.zeros((2, *by_lag.shape[:-1], len(labels), len(pairs)))
         for each in products:
             k, lag = place[each.x, each.y], rows[each.row][1].lag
-            for label in np.flatnonzero(labels[:, each.row]):
-                factor = labels[label, each.row] * each.coefficient
+            for label, of_row in some[each.row]:
+                factor = of_row * each.coefficient
                 weight[..., label, k] += factor * by_lag[..., lag]
                 size[..., label, k] += abs(factor) * size_by_lag[..., lag]
         weights.append(weight)
