@@ -334,9 +334,11 @@ def contracted(matrix: Array, terms: Array) -> Array:
     result = np.matmul(matrix, terms)
     if np.all(np.isfinite(result)):
         return result
-    matrix = np.broadcast_to(matrix, (*terms.shape[:-2], *matrix.shape[-2:]))
-    for place in map(tuple, np.argwhere(~np.isfinite(result).all(axis=(-2, -1)))):
-        own = matrix[place]
-        parts = np.where(own[:, :, None] != 0, own[:, :, None] * terms[place], 0.0)
-        result[place] = np.sum(parts, axis=1)
+    bad = ~np.isfinite(result).all(axis=(-2, -1))
+    own, some = np.broadcast_to(matrix, (*terms.shape[:-2], *matrix.shape[-2:]))[bad], terms[bad]
+    total = np.zeros(result[bad].shape)
+    for k in range(own.shape[-1]):
+        entry = own[..., k, None]
+        total += np.where(entry != 0, entry * some[:, None, k], 0.0)
+    result[bad] = total
     return result
