@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.reduction.columns import Column, Reduction, lag_sums
-from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, first, last, multiplier
+from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier, poles_first, poles_last
 from freqrail.solver.block_response import column, scalars
 from freqrail.solver.closed_form import EPSILON, LOSS, SAFETY
 from freqrail.types import Number
@@ -251,7 +251,7 @@ def _mirrored(
             factor = multiplier(scalar, reduction.blocks[scalar.block], spread_values, -p)
             value, wrong = np.multiply(factor, block.direct[y]), np.zeros(1)
             if bright.size:
-                errors = first(other.residue_errors[y])[..., None]
+                errors = poles_first(other.residue_errors[y])[..., None]
                 lacking = np.where(light, _total(map(np.multiply, weights, errors)), 0.0)
                 factor = factor if np.ndim(factor) == 0 else factor[..., bright]
                 near = np.where(light, np.multiply(factor, fractions[place]), value[..., bright])
@@ -264,9 +264,9 @@ def _with(values: NDArray, places: NDArray[np.intp], others: NDArray) -> NDArray
     """Values [grid..., k] with those at some places of the last axis replaced by others, poles first in memory."""
     shape = np.broadcast_shapes(values.shape[:-1], others.shape[:-1])
     result = np.empty((values.shape[-1], *shape), values.dtype)
-    result[:] = first(np.broadcast_to(values, (*shape, values.shape[-1])))
-    result[places] = first(np.broadcast_to(others, (*shape, len(places))))
-    return last(result)
+    result[:] = poles_first(np.broadcast_to(values, (*shape, values.shape[-1])))
+    result[places] = poles_first(np.broadcast_to(others, (*shape, len(places))))
+    return poles_last(result)
 
 
 def _mirror_weights(p: Complex, other: Expansion) -> list[Array]:
