@@ -28,6 +28,7 @@ from freqrail.reduction.blocks import Block
 from freqrail.reduction.forms import Lengths
 from freqrail.solver.block_response import parts_of
 from freqrail.solver.closed_form import EPSILON
+from freqrail.solver.elimination import is_some
 from freqrail.types import Number
 
 Array = NDArray[np.float64]
@@ -115,7 +116,7 @@ def matrix_at(
     for i, mass in enumerate(parts.inertia):
         np.multiply(mass, parts.s2, out=diagonal[i])
     np.negative(compliances, out=diagonal[n:])
-    rows = {(j, i): x for j, row in enumerate(parts.rows) for i, x in enumerate(row) if np.any(x)}
+    rows = {(j, i): x for j, row in enumerate(parts.rows) for i, x in enumerate(row) if is_some(x)}
     if scale is None:
         scale = np.abs(diagonal)
         for (j, i), entry in rows.items():

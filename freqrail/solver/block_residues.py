@@ -29,7 +29,15 @@ from freqrail.model.spectrum import RationalSpectrum, Spectrum
 from freqrail.reduction.columns import Reduction
 from freqrail.solver.block_poles import Array, Expansion
 from freqrail.solver.block_quadrature import shape_of
-from freqrail.solver.block_terms import distances_of, losses_of, pole_terms, products_of, read_blocks, rows_of
+from freqrail.solver.block_terms import (
+    ReadBlock,
+    distances_of,
+    losses_of,
+    pole_terms,
+    products_of,
+    read_blocks,
+    rows_of,
+)
 from freqrail.solver.block_waves import Track, add_pole_terms, by_output, label_sums, track_terms
 from freqrail.solver.closed_form import MEETING, MERGING, SPREAD, SUPPORT, spread
 from freqrail.solver.quadrature import MeanSquare
@@ -71,15 +79,17 @@ def _mean_squares(
     reduction: Reduction, values: Values, spectrum: RationalSpectrum, speed: Array
 ) -> dict[str, MeanSquare]:
     grid, track = shape_of(values), Track(spectrum.roughness, spectrum.cutoffs)
-    squares, expansions = _sum_of_residues(reduction, values, track, speed, grid)
+    blocks = read_blocks(reduction, values)
+    squares = _sum_of_residues(reduction, values, blocks, track, speed, grid)
+    expansions = [block.expansion for block in blocks.values()]
     singular = np.broadcast_to(_singular(expansions, spectrum, speed), (*grid, speed.size))
     merging = np.all(singular, axis=-1, keepdims=True)
     places = np.argwhere(merging[..., 0])
     if places.size:
-        _interpolate(reduction, values, track, speed, squares, tuple(places.T))
+        _interpolate(reduction, values, blocks, track, speed, squares, tuple(places.T))
     places = np.argwhere(singular & ~merging)
     if places.size:
-        _interpolate(reduction, values, track, speed[places[:, -1], None, None], squares, tuple(places.T))
+        _interpolate(reduction, values, blocks, track, speed[places[:, -1], None, None], squares, tuple(places.T))
     return squares
 
 
@@ -100,6 +110,7 @@ def dampings(reduction: Reduction) -> set[str]:
 def _interpolate(
     reduction: Reduction,
     values: Values,
+    blocks: dict[int, ReadBlock],
     track: Track,
     speed: Array,
     squares: dict[str, MeanSquare],
@@ -124,9 +135,11 @@ def _interpolate(
     if single:
         low, high = (cutoff * (1 + offsets) for cutoff in track.cutoffs)
         track = Track(track.roughness, (low, high))
+        blocks = {index: block.at(grid, places[:-1]) for index, block in blocks.items()}
     else:
         near |= {name: near[name] * (1 + offsets) for name in dampings(reduction)}
-    around, _ = _sum_of_residues(reduction, near, track, speed, (len(places[0]), SUPPORT))
+        blocks = read_blocks(reduction, near)
+    around = _sum_of_residues(reduction, near, blocks, track, speed, (len(places[0]), SUPPORT))
     for name, square in around.items():
         value = np.einsum("prks,k->prs", square.value, weight)
         error = np.einsum("prks,k->prs", square.error, np.abs(weight))
@@ -142,9 +155,14 @@ def _to_zero(nodes: Array) -> Array:
 
 
 def _sum_of_residues(
-    reduction: Reduction, values: Values, track: Track, speed: Array, grid: tuple[int, ...]
-) -> tuple[dict[str, MeanSquare], list[Expansion]]:
-    """The plain formula, and the blocks' partial fractions.
+    reduction: Reduction,
+    values: Values,
+    blocks: dict[int, ReadBlock],
+    track: Track,
+    speed: Array,
+    grid: tuple[int, ...],
+) -> dict[str, MeanSquare]:
+    """The plain formula.
 
     speed: [speeds], or [grid..., speeds] with axes of length 1 where it is common to the vehicles. grid: of the
     vehicles, each with its track.
@@ -152,7 +170,6 @@ def _sum_of_residues(
     rows, groups = rows_of(reduction)
     products = products_of(rows)
     distances = distances_of(reduction, values)
-    blocks = read_blocks(reduction, values)
     loss = losses_of(reduction, rows, blocks)
     total, error = np.zeros((2, *grid, len(rows), speed.shape[-1]))
     for index in blocks:
@@ -165,7 +182,7 @@ def _sum_of_residues(
         at_labels[cell] += value
         lost[cell] += uncertain
     found = by_output(reduction, at_labels, lost)
-    return {name: MeanSquare(*each) for name, each in found.items()}, [block.expansion for block in blocks.values()]
+    return {name: MeanSquare(*each) for name, each in found.items()}
 
 
 def _singular(expansions: list[Expansion], spectrum: RationalSpectrum, speed: Array) -> NDArray[np.bool_]:

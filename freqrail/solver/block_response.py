@@ -24,6 +24,7 @@ from freqrail.solver.elimination import (
     continuants,
     dense,
     factorise,
+    is_some,
     is_tree,
     order_of,
     reciprocal,
@@ -221,7 +222,7 @@ def read(scalar: Scalar, lengths: Lengths, values: Values, parts: Parts, solutio
     if scalar.quantity == "displacement":
         total: Number = None
         for i, entry in enumerate(lengths.evaluate(scalar.row, values)):
-            if np.any(entry):
+            if is_some(entry):
                 term = solution[i] if isinstance(entry, float) and entry == 1.0 else np.multiply(entry, solution[i])
                 total = term if total is None else total + term
         return total

@@ -10,14 +10,14 @@ import functools
 import itertools
 import operator
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.reduction.columns import Column, Reduction, lag_sums
-from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier
+from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier, poles_first, poles_last
 from freqrail.solver.block_response import column, scalars
 from freqrail.solver.closed_form import EPSILON, LOSS, SAFETY
 from freqrail.types import Number
@@ -64,11 +64,11 @@ def rows_of(reduction: Reduction) -> tuple[list[Row], list[Group]]:
         return each.lag, sorted({reduction.scalars[k].block for i, j, _, _ in each.powers for k in (i, j)})
 
     rows = sorted(((name, each) for name, some in reduction.columns.items() for each in some), key=key)
-    groups, first = [], 0
+    groups, start = [], 0
     for (lag, blocks), some in itertools.groupby(rows, key=key):
         count = len(list(some))
-        groups.append(Group(lag, slice(first, first + count), frozenset(blocks)))
-        first += count
+        groups.append(Group(lag, slice(start, start + count), frozenset(blocks)))
+        start += count
     return rows, groups
 
 
@@ -120,6 +120,28 @@ class ReadBlock:
     expansion: Expansion
     residue_errors: dict[int, Array]
     direct: list[Number]
+
+    def at(self, grid: tuple[int, ...], places: tuple[NDArray[np.intp], ...]) -> ReadBlock:
+        """That of the vehicles at some places of a grid, an index array [r] an axis, as a grid [r, 1]."""
+
+        def taken(x: NDArray, inner: int = 1) -> NDArray:
+            return np.broadcast_to(x, (*grid, *x.shape[x.ndim - inner :]))[places][:, None]
+
+        each = self.expansion
+        tables = [{k: taken(x) for k, x in table.items()} for table in (each.residues, each.rounding)]
+        expansion = replace(
+            each,
+            poles=taken(each.poles),
+            weight=taken(each.weight),
+            residues=tables[0],
+            rounding=tables[1],
+            defect=taken(each.defect),
+            light=taken(each.light),
+            shift=taken(each.shift),
+            lost=taken(each.lost, 0),
+        )
+        errors = {k: taken(x) for k, x in self.residue_errors.items()}
+        return ReadBlock(expansion, errors, [taken(x) for x in self.direct])
 
 
 def read_blocks(reduction: Reduction, values: Values) -> dict[int, ReadBlock]:
@@ -229,7 +251,7 @@ def _mirrored(
             factor = multiplier(scalar, reduction.blocks[scalar.block], spread_values, -p)
             value, wrong = np.multiply(factor, block.direct[y]), np.zeros(1)
             if bright.size:
-                errors = np.moveaxis(other.residue_errors[y], -1, 0)[..., None]
+                errors = poles_first(other.residue_errors[y])[..., None]
                 lacking = np.where(light, _total(map(np.multiply, weights, errors)), 0.0)
                 factor = factor if np.ndim(factor) == 0 else factor[..., bright]
                 near = np.where(light, np.multiply(factor, fractions[place]), value[..., bright])
@@ -242,9 +264,9 @@ def _with(values: NDArray, places: NDArray[np.intp], others: NDArray) -> NDArray
     """Values [grid..., k] with those at some places of the last axis replaced by others, poles first in memory."""
     shape = np.broadcast_shapes(values.shape[:-1], others.shape[:-1])
     result = np.empty((values.shape[-1], *shape), values.dtype)
-    result[:] = np.moveaxis(np.broadcast_to(values, (*shape, values.shape[-1])), -1, 0)
-    result[places] = np.moveaxis(np.broadcast_to(others, (*shape, len(places))), -1, 0)
-    return np.moveaxis(result, 0, -1)
+    result[:] = poles_first(np.broadcast_to(values, (*shape, values.shape[-1])))
+    result[places] = poles_first(np.broadcast_to(others, (*shape, len(places))))
+    return poles_last(result)
 
 
 def mirror_weights(p: Complex, other: Expansion) -> list[Array]:

@@ -23,7 +23,7 @@ from freqrail.solver.closed_form import LOSS
 from freqrail.solver.problem import cells
 from freqrail.types import Number
 
-AT_ONCE = 1 << 17  # numbers that a cell's waves hold: few enough to stay in the cache
+AT_ONCE = 1 << 18  # numbers that a cell's waves hold: few enough to stay in the cache
 MORE_AT_ONCE = 1 << 19  # and its products of scalars, each of which is used less
 
 Cell = tuple[slice, ...]
@@ -59,6 +59,7 @@ def add_pole_terms(
     own = np.broadcast_shapes((1,) * axes, *shapes, *map(np.shape, track.cutoffs), np.shape(track.roughness))
     most = AT_ONCE // (2 * each.states * speed.shape[-1] * len(some))
     needed = _needed(some, distances)
+    apart = {k: bool(np.any(distances.d[k])) for k in needed}
     for cell in _cells(own, most):
         waves, density = _waves(
             np.ascontiguousarray(_part(each.poles, cell, 1)),
@@ -66,7 +67,7 @@ def add_pole_terms(
             each.states,
             distances.sums,
             some,
-            {k: _part(distances.d[k], cell, 0) for k in needed},
+            {k: _part(distances.d[k], cell, 0) if apart[k] else None for k in needed},
             track.part(cell),
             _part(speed, cell, 1),
         )
@@ -106,14 +107,14 @@ def _waves(
     states: int,
     sums: dict[int, tuple[int, int]],
     some: list[int],
-    d: dict[int, NDArray],
+    d: dict[int, NDArray | None],
     track: Track,
     speed: Array,
 ) -> tuple[Array, Array]:
     """G(s) e^{s d} at poles p [grid..., k] for some distances d at every speed, and |G|, [grid..., states, speeds].
 
-    d: of some, and before them those that they are sums of. The waves are [grid..., distances, 2, states, speeds]: real
-    and imaginary parts at each pole, then zeros.
+    d: of some, and before them those that they are sums of; None for zero. The waves are [grid..., distances, 2,
+    states, speeds]: real and imaginary parts at each pole, then zeros.
     """
     v = speed[..., None, :]
     roughness, *cutoffs = (np.asarray(x)[..., None, None] for x in (track.roughness, *track.cutoffs))
@@ -123,19 +124,19 @@ def _waves(
     density = roughness * cutoffs[1] ** 2 * v**3 / np.multiply(low - s2, high - s2)
     if not np.all(present > 0):
         density = np.where(present[..., None] > 0, density, 0.0)
-    shape = np.broadcast_shapes(density.shape, *((*np.shape(d[k]), 1, 1) for k in some))
+    shape = np.broadcast_shapes(density.shape, *((*np.shape(x), 1, 1) for x in d.values() if x is not None))
     count = shape[-2]
     waves = np.zeros((*shape[:-2], len(some), 2, states, shape[-1]))
     pure: dict[int, Complex] = {}  # e^{s d}, where another lag is made of it
     lagged: dict[int, Complex] = {}
-    for k in d:
-        if not np.any(d[k]):
+    for k, length in d.items():
+        if length is None:
             lagged[k] = density
         elif k in sums:
             i, j = sums[k]
             lagged[k] = np.multiply(pure[i], lagged[j])
         else:
-            pure[k] = _exponential(p, d[k][..., None, None] / v)
+            pure[k] = _exponential(p, length[..., None, None] / v)
             lagged[k] = np.multiply(pure[k], density)
         if k in some:
             place = some.index(k)
@@ -244,6 +245,7 @@ def _track_weights(
     low, high = track.cutoffs
     scale = track.roughness * high**2 / (high**2 - low**2) / 2
     place = {pair: k for k, pair in enumerate(pairs)}
+    some = [[(int(k), labels[k, row]) for k in np.flatnonzero(labels[:, row])] for row in range(len(rows))]
     weights, sizes = [], []
     for cutoff, residue in ((low, scale / low), (high, -scale / high)):
         decay = np.stack(np.broadcast_arrays(*(residue * np.exp(-cutoff * d) for d in distances.d)), axis=-1)
@@ -252,8 +254,8 @@ def _track_weights(
         weight, size = np.zeros((2, *by_lag.shape[:-1], len(labels), len(pairs)))
         for each in products:
             k, lag = place[each.x, each.y], rows[each.row][1].lag
-            for label in np.flatnonzero(labels[:, each.row]):
-                factor = labels[label, each.row] * each.coefficient
+            for label, of_row in some[each.row]:
+                factor = of_row * each.coefficient
                 weight[..., label, k] += factor * by_lag[..., lag]
                 size[..., label, k] += abs(factor) * size_by_lag[..., lag]
         weights.append(weight)
@@ -332,9 +334,11 @@ def contracted(matrix: Array, terms: Array) -> Array:
     result = np.matmul(matrix, terms)
     if np.all(np.isfinite(result)):
         return result
-    matrix = np.broadcast_to(matrix, (*terms.shape[:-2], *matrix.shape[-2:]))
-    for place in map(tuple, np.argwhere(~np.isfinite(result).all(axis=(-2, -1)))):
-        own = matrix[place]
-        parts = np.where(own[:, :, None] != 0, own[:, :, None] * terms[place], 0.0)
-        result[place] = np.sum(parts, axis=1)
+    bad = ~np.isfinite(result).all(axis=(-2, -1))
+    own, some = np.broadcast_to(matrix, (*terms.shape[:-2], *matrix.shape[-2:]))[bad], terms[bad]
+    total = np.zeros(result[bad].shape)
+    for k in range(own.shape[-1]):
+        entry = own[..., k, None]
+        total += np.where(entry != 0, entry * some[:, None, k], 0.0)
+    result[bad] = total
     return result

@@ -117,7 +117,7 @@ def factorise(
     for j, row in enumerate(rows):
         entries[n + j, n + j] = np.negative(compliances[j])
         for i, entry in enumerate(row):
-            if np.any(entry):
+            if is_some(entry):
                 entries[n + j, i] = entries[i, n + j] = entry
     lower, inverse = {}, {}
     for k in order.unknowns:
@@ -155,6 +155,11 @@ def solve(factors: Factors, right: Mapping[int, Number], wanted: Iterable[int]) 
             total = np.negative(product) if total is None else total - product
         result[k] = 0.0 if total is None else total
     return result
+
+
+def is_some(entry: Number) -> bool:
+    """Whether a number, or one of an array's, is not zero."""
+    return entry != 0.0 if isinstance(entry, float) else bool(np.any(entry))
 
 
 def is_tree(order: Order) -> bool:

@@ -23,7 +23,8 @@ import numpy as np
 import freqrail
 from freqrail.model.responses import RESPONSES
 from freqrail.solver import solve
-from freqrail.solver.problem import half_vehicle_problem
+from freqrail.solver.problem import Problem, half_vehicle_problem
+from tests.bench.closed_form import closed_form
 from tests.bench.peers import PEERS, user_loop
 from tests.independent import PAPER, SPEED, TRACK, band_rms, state_matrices, whole_axis_rms
 
@@ -200,6 +201,7 @@ def main() -> None:
     paper_grid(case, 2 if quick else 7)
     peers(case, 2 if quick else 5)
     large_grid(case, *((10, 20) if quick else (100, 100)))
+    closed_form(quick)
     if not quick:
         growth(case, options.picture)
 

@@ -229,6 +229,47 @@ def test_poles_may_meet_those_of_the_track(kind, beside):
     assert excess <= 1
 
 
+def meeting(kind: str) -> tuple[Plain, float]:
+    """A vehicle and a speed at which one of its poles meets one of the track's."""
+    plain = MAKERS[kind](np.random.default_rng(6))
+    found = reduce(as_system(plain), outputs_of(plain), plain.values)
+    poles = next(iter(block_poles.expand(found, plain.values).values())).poles
+    return plain, float(-np.max(poles.real[poles.imag == 0]) / TRACK.cutoffs[1])
+
+
+@pytest.mark.parametrize("kind", ["front and rear differ", "one bending mode"])
+def test_poles_may_meet_those_of_the_track_at_one_speed_of_many(kind):
+    """There the track's cut-offs are varied, while the vehicle's poles stay."""
+    plain, speed = meeting(kind)
+    speeds = speed * np.array([0.7, 1.0, 1.0004, 1.3])
+    found = reduce(as_system(plain), outputs_of(plain), plain.values)
+    squares = block_residues.whole_axis_mean_squares(found, plain.values, TRACK, speeds)
+    lost = 1e-11 + 4e-16 * contours.sharpness(plain)
+    for k, each in enumerate(speeds):
+        for name, expected in contours.mean_squares(plain, TRACK, float(each)).items():
+            off = np.abs(squares[name].value[:, k] - expected)
+            assert np.all(off < 1e-9 * expected)
+            assert np.all(off <= squares[name].error[:, k] + lost * expected)
+
+
+@pytest.mark.parametrize("kind", ["front and rear differ", "pivots off centre", "two coupled cars"])
+def test_the_bits_of_any_vehicle_do_not_depend_on_those_beside_it(kind):
+    """Nor on speeds at which poles meet, or on one beside that is no vehicle."""
+    plain, speed = MAKERS[kind](np.random.default_rng(6)), np.array([0.7, 1.0, 1.3]) * 40.0
+    some = tuple(replace(output, taps=output.taps[::4]) for output in outputs_of(plain))
+    stage = next(name for name in plain.values if name.startswith("primary") and name.endswith("joint"))
+    values = plain.values | {stage: np.array([1e6, 5e6, 2e7, 5e6]), "car_mass": plain.values["car_mass"] * np.ones(4)}
+    values["car_mass"][1] = 1e-305
+    found = reduce(as_system(plain), some, values)
+    whole = block_residues.whole_axis_mean_squares(found, values, TRACK, speed)
+    for part in (slice(0, 1), slice(2, 4), slice(3, 4)):
+        own = values | {name: values[name][part] for name in (stage, "car_mass")}
+        alone = block_residues.whole_axis_mean_squares(found, own, TRACK, speed)
+        for name, square in alone.items():
+            np.testing.assert_array_equal(square.value, whole[name].value[:, part])
+            np.testing.assert_array_equal(square.error, whole[name].error[:, part])
+
+
 # --- what is no number -------------------------------------------------------------------------------
 
 
