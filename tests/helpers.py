@@ -9,6 +9,7 @@ columns and panels that the package computes with.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -63,6 +64,16 @@ def random_vehicles(count: int, seed: int, **kwargs: tuple[float, float]) -> lis
     """`count` random vehicles, the same ones in every run."""
     rng = np.random.default_rng(seed)
     return [random_vehicle(rng, **kwargs) for _ in range(count)]
+
+
+VEHICLES = random_vehicles(4, seed=11)
+MODELS = {
+    **{f"random {k}": vehicle for k, vehicle in enumerate(VEHICLES)},
+    "traditional": VEHICLES[0].traditional(),
+    "primary rigid": replace(VEHICLES[1], primary_joint_stiffness=np.inf),
+    "secondary undamped": replace(VEHICLES[2], secondary_damping=0.0),
+}
+"""Half vehicles of all kinds, by name."""
 
 
 def explicit_responses(
