@@ -138,7 +138,8 @@ class ReadBlock:
             defect=taken(each.defect),
             light=taken(each.light),
             shift=taken(each.shift),
-            lost=taken(each.lost, 0),
+            lost=taken(each.lost),
+            raw=taken(each.raw),
         )
         errors = {k: taken(x) for k, x in self.residue_errors.items()}
         return ReadBlock(expansion, errors, [taken(x) for x in self.direct])
