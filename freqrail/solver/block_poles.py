@@ -22,6 +22,7 @@ from freqrail.reduction.columns import Reduction, Scalar
 from freqrail.reduction.forms import Lengths
 from freqrail.solver.block_response import used
 from freqrail.solver.closed_form import EPSILON, FAR, LIGHT
+from freqrail.solver.elimination import times
 from freqrail.solver.free_oscillation import Oscillation, clusters, polished, real_parts, together
 from freqrail.types import Number
 
@@ -88,9 +89,9 @@ class Expansion:
                 if beside is not None:
                     size += np.where(pair[k], np.abs(beside), 0.0)
             for i in range(len(which)):
-                result[i] += np.multiply(tables[i][k], near)
+                result[i] += times(tables[i][k], near)
                 if beside is not None:
-                    result[i] += np.multiply(mirrored[i][k], beside)
+                    result[i] += times(mirrored[i][k], beside)
                 if known:
                     left[i] += size * errors[i][k]
         return np.moveaxis(result, 1, -1), np.moveaxis(left, 1, -1)
@@ -118,7 +119,7 @@ def multiplier(scalar: Scalar, block: Block, values: Values, s: Number) -> Numbe
     power = s**scalar.derivative
     if scalar.quantity != "force":
         return power
-    return np.multiply(block.struts[scalar.of].law.stiffness(values, s), power)
+    return times(block.struts[scalar.of].law.stiffness(values, s), power)
 
 
 def shape_of_block(block: Block, lengths: Lengths, values: Values) -> tuple[int, ...]:

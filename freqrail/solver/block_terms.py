@@ -20,6 +20,7 @@ from freqrail.reduction.columns import Column, Reduction, lag_sums
 from freqrail.solver.block_poles import Array, Complex, Expansion, bases, expand, multiplier, poles_first, poles_last
 from freqrail.solver.block_response import column, scalars
 from freqrail.solver.closed_form import EPSILON, LOSS, SAFETY
+from freqrail.solver.elimination import times
 from freqrail.types import Number
 
 Row = tuple[str, Column]
@@ -206,13 +207,13 @@ def pole_terms(
     mirrors = _mirrored(blocks, index, {product.y for product in products}, reduction, spread_values)
     heads: dict[int, tuple[Number, Number, Number]] = {}
     for x in dict.fromkeys(product.x for product in products):
-        scale = np.multiply(each.weight, multiplier(reduction.scalars[x], reduction.blocks[index], spread_values, p))
-        head = np.where(present, np.multiply(scale, each.residues[x]), 0.0)
+        scale = times(each.weight, multiplier(reduction.scalars[x], reduction.blocks[index], spread_values, p))
+        head = np.where(present, times(scale, each.residues[x]), 0.0)
         heads[x] = head, np.abs(head), np.where(present, np.abs(scale) * blocks[index].residue_errors[x], 0.0)
     pairs: dict[tuple[int, int], tuple[Number, Number]] = {}
     for x, y in dict.fromkeys((product.x, product.y) for product in products):
         (head, size, head_error), (mirrored, mirrored_size, wrong) = heads[x], mirrors[y]
-        term, error = np.multiply(head, mirrored), mirrored_size * head_error + size * wrong
+        term, error = times(head, mirrored), mirrored_size * head_error + size * wrong
         pairs[x, y] = np.where(present, term, 0.0), np.where(present, error, 0.0)
     own = [group for group in groups if index in group.blocks]
     rows = [row for group in own for row in range(group.rows.start, group.rows.stop)]
@@ -250,12 +251,12 @@ def _mirrored(
         for place, y in enumerate(some):
             scalar = reduction.scalars[y]
             factor = multiplier(scalar, reduction.blocks[scalar.block], spread_values, -p)
-            value, wrong = np.multiply(factor, block.direct[y]), np.zeros(1)
+            value, wrong = times(factor, block.direct[y]), np.zeros(1)
             if bright.size:
                 errors = poles_first(other.residue_errors[y])[..., None]
-                lacking = np.where(light, _total(map(np.multiply, weights, errors)), 0.0)
+                lacking = np.where(light, _total(map(times, weights, errors)), 0.0)
                 factor = factor if np.ndim(factor) == 0 else factor[..., bright]
-                near = np.where(light, np.multiply(factor, fractions[place]), value[..., bright])
+                near = np.where(light, times(factor, fractions[place]), value[..., bright])
                 value, wrong = _with(value, bright, near), _with(np.zeros(p.shape), bright, np.abs(factor) * lacking)
             result[y] = value, np.abs(value), wrong
     return result

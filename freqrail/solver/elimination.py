@@ -16,6 +16,7 @@ pivots are quotients of polynomials (continuants), of which only the last one's 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -212,6 +213,14 @@ def continuants(
         rest.remove(k)
         numerators[k] = np.multiply(factor, np.negative(coupling(parent, k))), (*rest, *children[k])
     return {k: product([numerators[k][0], *(p[i] for i in numerators[k][1])]) for k in wanted}, p[last]
+
+
+def times(a: Number, b: Number) -> Number:
+    """a b. A single number in an array of several axes numpy multiplies in another way, off by the last bit."""
+    shape = np.broadcast_shapes(np.shape(a), np.shape(b))
+    if shape and math.prod(shape) == 1:
+        return np.multiply(np.ravel(a), np.ravel(b)).reshape(shape)
+    return np.multiply(a, b)
 
 
 def reciprocal(z: Number) -> Number:

@@ -78,7 +78,7 @@ class Oscillation:
         z, by_s, slope, scale = (x[..., some] for x in (self.z, self.by_s, self.slope, self.scale))
         c, place = row[:, some] * scale, len(self.x) + strut
         u, f = total(np.multiply(c, z)), np.multiply(scale[place], z[place])
-        v = np.multiply(f, c) - np.multiply(2 * np.multiply(u, f) / slope * by_s, z)
+        v = np.multiply(f, c) - np.multiply(np.multiply(2 * np.multiply(u, f) / slope, by_s), z)
         v[place] += np.multiply(u, scale[place])
         w = product(self.carried[..., some], v)
         kappa = total(np.multiply(np.multiply(w, by_s), z)) / slope

@@ -25,6 +25,7 @@ from freqrail.solver.block_terms import Distances, Product, distances_of, mirror
 from freqrail.solver.block_waves import by_output, label_sums
 from freqrail.solver.closed_form import LOSS, SAFETY
 from freqrail.solver.detours import Detour, is_sharp
+from freqrail.solver.elimination import times
 from freqrail.solver.quadrature import EPSILON, MeanSquare
 from freqrail.solver.resonances import is_lost
 from freqrail.types import Number
@@ -165,7 +166,7 @@ def _terms(
                 operator.add, (near * other.rounding[y][..., k, None] for k, near in enumerate(nearness))
             )
             mirrored[y] = (
-                factor * np.where(peaks.light, fractions[place], peaks.direct[y]),
+                times(factor, np.where(peaks.light, fractions[place], peaks.direct[y])),
                 np.abs(factor) * np.where(peaks.light, wrong, 0.0),
             )
     weights: dict[int, Number] = {}
@@ -174,7 +175,8 @@ def _terms(
         scale = np.where(peaks.there, 2 * product.coefficient * factors[product.x], 0.0)
         residue, residue_error = peaks.residues[product.x], peaks.errors[product.x]
         value, wrong = mirrored[product.y]
-        weights[product.row] = weights.get(product.row, 0.0) + scale * residue * value
+        # functions: an operator may swap the factors of a complex product, and with them the last bit
+        weights[product.row] = weights.get(product.row, 0.0) + times(times(scale, residue), value)
         error = np.abs(scale) * (np.abs(value) * residue_error + np.abs(residue) * wrong)
         uncertain[product.row] = uncertain.get(product.row, 0.0) + error
     waves, sizes = _lag_waves(p, sorted({lags[row] for row in weights}), distances, spectrum, speed)
@@ -183,7 +185,7 @@ def _terms(
     result = []
     for row, weight in weights.items():
         wave, size = waves[lags[row]], sizes[lags[row]]
-        value = _total(np.moveaxis(np.real(weight[..., None] * wave), -2, 0))
+        value = _total(np.moveaxis(np.real(times(weight[..., None], wave)), -2, 0))
         lost = (uncertain[row] + (LOSS_OF_PEAK + sharpness) * np.abs(weight))[..., None] * np.abs(wave)
         lost = lost + np.abs(weight)[..., None] * size
         result.append((row, np.asarray(value, dtype=float), _total(np.moveaxis(lost, -2, 0))))
@@ -205,7 +207,7 @@ def _lag_waves(
         if not some:
             continue
         exponent = p[..., None] * (np.asarray(d)[..., None, None] / speed)
-        wave = np.exp(exponent) * density
+        wave = times(np.exp(exponent), density)
         rounding = 4 * EPSILON * (2 + np.abs(exponent)) * np.abs(wave)
         for lag in some:
             factor = distances.factors[..., lag, k]
