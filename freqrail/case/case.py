@@ -26,6 +26,7 @@ from freqrail.case.tables import cross_checks, keys, model, problems_of, readabl
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band
 from freqrail.model.spectrum import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, RationalSpectrum
+from freqrail.model.variants import BASE, DEFAULT, Variant
 from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 from freqrail.text import given
 
@@ -41,7 +42,8 @@ class Case:
     vehicle, as the model takes them, or of both. quantities: every scalar of [vehicle] and [operation] as written and
     in SI. axes: swept parameters in the order given. frequency: where spectra are stored, if the case says so.
     points: those to confirm, {name: quantity}. accepted: ranges that replace those of `criteria.CRITERIA`.
-    warnings: what was told when the case was read. text: the file. effective: TOML after all changes.
+    warnings: what was told when the case was read. text: the file. effective: TOML after all changes. variants: twins
+    whose responses are computed beside.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Case:
     warnings: tuple[str, ...]
     text: str
     effective: str
+    variants: tuple[Variant, ...] = DEFAULT
 
     @property
     def speed(self) -> float:
@@ -68,6 +71,23 @@ class Case:
     def scalars(self) -> Mapping[str, Quantity]:
         """The quantities, and the contact stiffness where it follows from the contact constant."""
         return _scalars(self.quantities, self.masses)
+
+    @property
+    def models(self) -> tuple[Variant, ...]:
+        """The vehicle itself and its variants, in the order in which they are computed and stored."""
+        return (BASE, *self.variants)
+
+    def of(self, model: Variant) -> Case:
+        """The case as one of its models has it: with the numbers that this fixes, and without their axes."""
+        if not model.values:
+            return self
+        fixed = {
+            name: Quantity(value, "inf" if math.isinf(value) else f"{value:.10g} {PARAMETERS[name].unit}")
+            for name, value in model.values.items()
+        }
+        own = {name: quantity for name, quantity in self.quantities.items() if name not in model.fixed}
+        axes = tuple(axis for axis in self.axes if axis.name not in model.fixed)
+        return replace(self, quantities=own | fixed, axes=axes, variants=())
 
     @property
     def vehicle(self) -> Vehicle:

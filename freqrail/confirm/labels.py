@@ -1,7 +1,8 @@
 """A confirmation as a labelled dataset; `result.confirmation` reads it.
 
-Dimensions: point, model (joint, traditional), the position of a response, record; series for the verdicts, which are
-of every response that the result holds. Swept parameters are coordinates of the points, in the units of the result.
+Dimensions: point, model (joint, and the variants: traditional), the position of a response, record; series for the
+verdicts, which are of every response that the result holds. Swept parameters are coordinates of the points, in the
+units of the result.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from freqrail.confirm import statistics
 from freqrail.confirm.judging import Judgement, by_model, judge
 from freqrail.confirm.references import References
 from freqrail.confirm.run import Run, told_of
-from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
 from freqrail.model.band import band_text
 from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import RESPONSES
+from freqrail.model.variants import DEFAULT
 from freqrail.result import verdicts
 from freqrail.result.axes import grid_axis, swept
 from freqrail.result.confirmation import CHECKS, series_labels, series_of
@@ -238,7 +239,7 @@ def _padded(arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     coordinates: dict[str, Any] = {
         "point": ("point", np.arange(1, len(run.points) + 1, dtype=np.int32), {"long_name": "confirmed grid point"}),
-        "model": ("model", np.array(MODELS), {"long_name": "with damper joints, or traditional with rigid ones"}),
+        "model": ("model", np.array(run.labels_of_models), {"long_name": _models_text(run)}),
         "series": ("series", np.array(series_labels(run.names)), {"long_name": "response and position"}),
         "wavelength_range": ("wavelength_range", np.array(RANGES), {"long_name": "range of wavelengths of the track"}),
         "record": (
@@ -264,6 +265,12 @@ def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     coordinates |= scalar_coordinates(run.case, run.band)
     coordinates |= position_coordinates({RESPONSES[name].dimension for name in run.names} | {"axle"})
     return coordinates
+
+
+def _models_text(run: Run) -> str:
+    if run.models[1:] == DEFAULT:
+        return "with damper joints, or traditional with rigid ones"
+    return "; ".join(f"{label}: {model.words}" for label, model in zip(run.labels_of_models, run.models, strict=True))
 
 
 def _axis_of_points(run: Run, name: str) -> Axis:
@@ -292,7 +299,9 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
         "seed": whole(setup.seed),
         "realisations": whole(setup.realisations),
         "duration_s": setup.period,
-        "integrator": "; ".join(f"{model}: {confirm_setup.integrator_of(setup, model)}" for model in MODELS),
+        "integrator": "; ".join(
+            f"{model}: {confirm_setup.integrator_of(setup, model)}" for model in run.labels_of_models
+        ),
         "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, smaller where a mode in the band is damped by less "
         f"than {confirm_setup.WELL_DAMPED:g}, atol the same share of a state's RMS, longest step 1/"
         f"{confirm_setup.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a sample of "

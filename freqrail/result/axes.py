@@ -9,12 +9,18 @@ import xarray as xr
 
 from freqrail.case.axis import Axis
 from freqrail.case.quantities import typed_unit, unit_factor
-from freqrail.model.responses import PREFIXES
+from freqrail.model.variants import Variant
+from freqrail.result.variants import models_of
 
 
 def swept(dataset: xr.Dataset) -> tuple[str, ...]:
     """The swept parameters of a result, in order."""
     return tuple(str(dim) for dim in dataset["status"].dims)
+
+
+def swept_by(dataset: xr.Dataset, model: Variant) -> tuple[str, ...]:
+    """The swept parameters of one of a result's models, in order."""
+    return tuple(name for name in swept(dataset) if name not in model.fixed)
 
 
 def grid_axis(dataset: xr.Dataset, name: str) -> Axis:
@@ -43,8 +49,8 @@ def axis_unit(dataset: xr.Dataset, name: str) -> str:
 def first_failures(dataset: xr.Dataset) -> list[str]:
     """One line a model that has points without all results: how many, why, and the first of them."""
     lines = []
-    for prefix, words in PREFIXES.items():
-        name = f"{prefix}status"
+    for model in models_of(dataset):
+        name = f"{model.prefix}status"
         if name not in dataset:
             continue
         status = dataset[name]
@@ -62,7 +68,7 @@ def first_failures(dataset: xr.Dataset) -> list[str]:
             f"{np.sum(values == k)} {meaning}" for k, meaning in enumerate(meanings) if k and np.any(values == k)
         )
         at = f"; the first at {where}" if where else ""
-        lines.append(f"{words}: {len(bad)} of {values.size} grid points lack results ({counts}){at}")
+        lines.append(f"{model.words}: {len(bad)} of {values.size} grid points lack results ({counts}){at}")
     return lines
 
 

@@ -28,6 +28,7 @@ from freqrail.model.band import Band, band_text
 from freqrail.model.responses import DIMENSIONS, RESPONSES
 from freqrail.result.content import SCHEMA_VERSION
 from freqrail.result.layout import Layout, variables
+from freqrail.result.variants import ATTRIBUTE, stored
 from freqrail.solver.solution import Solution
 from freqrail.version import __version__
 
@@ -179,6 +180,7 @@ def attributes(case: Case, command: str) -> dict[str, Any]:
         "effective_case": case.effective,
         "effective_case_sha256": hashlib.sha256(case.effective.encode()).hexdigest(),
         "band": band_text(case.band),
+        ATTRIBUTE: stored(case.variants),
         "versions": json.dumps(versions),
     }
     return {key: value for key, value in described.items() if value != ""}

@@ -7,7 +7,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -25,6 +25,7 @@ from freqrail.result.confirmation import is_confirmation
 from freqrail.result.labels import coordinate, scalar_coordinates, skeleton
 from freqrail.result.layout import Layout
 from freqrail.result.netcdf import open_result
+from freqrail.result.variants import variants_of
 from freqrail.text import given
 
 Point = Mapping[str, Quantity]
@@ -62,7 +63,8 @@ def result_case(dataset: xr.Dataset) -> Case:
         raise InputError(f"the dataset has no attribute {fault}: a result of freqrail's sweep is expected") from None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FreqrailWarning)  # the sweep has told them
-        return build_case(text, name=name, file="the result's case", stray_points=True)
+        case = build_case(text, name=name, file="the result's case", stray_points=True)
+    return replace(case, variants=variants_of(dataset))
 
 
 def read_result(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -242,6 +244,7 @@ def find_place(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FreqrailWarning)  # for the caller to tell, once
         own = build_case(case.effective, over=over, name=case.name, stray_points=True, axis_option=origin)
+    own = replace(own, variants=case.variants)
     index = {name: 0 for name in swept(dataset) if name not in keep}
     return Place(skeleton(layout_of(dataset, own)), index, tuple(off), outside(dataset, off), own.warnings)
 

@@ -23,6 +23,7 @@ from freqrail.case.criteria import CRITERIA, Criterion
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band, band_limits
 from freqrail.model.spectrum import standard_deviation
+from freqrail.model.variants import Variant
 from freqrail.model.vehicle import Vehicle, static_wheel_load
 from freqrail.solver.contact_force import contact_force_rms
 from freqrail.solver.modes import modes
@@ -137,13 +138,26 @@ def wavelengths(band: Band | None, speeds: NDArray[np.float64]) -> tuple[float, 
 
 
 def concerns(case: Case) -> tuple[Concern, ...]:
-    """All that is outside its usual range somewhere on the grid of a case, accepted or not."""
+    """All that is outside its usual range somewhere on the grid of a case, accepted or not.
+
+    Of a variant what lies further outside than the vehicle itself does; of the wheel-rail force the largest of all.
+    """
     ends = corners(case)
+    found = _of_one_model(ends)
+    for variant in case.variants:
+        widest = {concern.name: concern.measured for concern in found}
+        for concern in _of_one_model(ends.of(variant)):
+            if not (concern.name in widest and _inside(concern.measured, widest[concern.name])):
+                found.append(replace(concern, text=f"{variant.words}: {concern.text}"))
+    return tuple(concern for concern in (*found, _wheel_force(ends)) if concern)
+
+
+def _of_one_model(ends: Case) -> list[Concern]:
+    """What is outside its usual range on the corners of a grid, but for the wheel-rail force."""
     found = [_judged(ends, name, measure(ends, name)) for name in MEASURES]
-    height = 1e3 * standard_deviation(case.spectrum, (3.0, 25.0))
+    height = 1e3 * standard_deviation(ends.spectrum, (3.0, 25.0))
     found.append(_judged(ends, "track_height", np.array(height)))
-    found += [*_band_concerns(ends), _wheel_force(ends)]
-    return tuple(concern for concern in found if concern)
+    return [concern for concern in (*found, *_band_concerns(ends)) if concern]
 
 
 def warn(case: Case) -> tuple[Concern, ...]:
@@ -332,19 +346,23 @@ def _widest(case: Case, name: str) -> tuple[float, float]:
 
 
 def _wheel_force(case: Case) -> Concern | None:
-    """The concern about contact lost, from a few corners of the grid, with joints and with rigid ones."""
-    vehicle, speed = case.vehicles(), float(case.speeds().max())
-    load = np.broadcast_to(_load(vehicle), vehicle.shape)
+    """The concern about contact lost, from a few corners of the grid, in all models of a case."""
+    vehicle = case.vehicles()
+    models = [_on_the_grid(case, model) for model in case.models]
     values = np.full(vehicle.shape, np.nan)
-    forces: dict[Vehicle, float] = {}  # the same rigid joints stand for many
+    forces: dict[tuple[Vehicle, float], float] = {}  # the same rigid joints stand for many
+
+    def force(one: Vehicle, speed: float) -> float:
+        """Of a model at a corner, in static wheel loads."""
+        if (one, speed) not in forces:
+            with np.errstate(all="ignore"):
+                rms = float(contact_force_rms(one, case.spectrum, speed, case.band).max())
+            forces[one, speed] = rms / float(_load(one))
+        return forces[one, speed]
 
     def compute(index: tuple[int, ...]) -> None:
-        both = (vehicle.at(index), vehicle.at(index).traditional())
-        for one in both:
-            if one not in forces:
-                with np.errstate(all="ignore"):
-                    forces[one] = float(contact_force_rms(one, case.spectrum, speed, case.band).max())
-        values[index] = max(forces[one] for one in both) / load[index]
+        each = [force(grid.at(tuple(index[axis] for axis in axes)), speed) for grid, axes, speed in models]
+        values[index] = max(each)
 
     for index in _some_corners(vehicle.shape):
         compute(index)
@@ -352,6 +370,14 @@ def _wheel_force(case: Case) -> Concern | None:
     if np.isnan(values[worst]):
         compute(worst)
     return _judged(case, "wheel_force", values)
+
+
+def _on_the_grid(case: Case, model: Variant) -> tuple[Vehicle, list[int], float]:
+    """The vehicles of a model, which axes of the case's grid of vehicles they have, and the fastest speed, m/s."""
+    own = case.of(model)
+    named = {axis.name for axis in own.axes}
+    axes = [place for place, axis in enumerate(a for a in case.axes if a.name != "speed") if axis.name in named]
+    return own.vehicles(), axes, float(own.speeds().max())
 
 
 def _some_corners(shape: tuple[int, ...]) -> list[tuple[int, ...]]:

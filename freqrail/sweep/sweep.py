@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from freqrail.case.case import Case, load_case
 from freqrail.errors import InputError
-from freqrail.result import axes, labels, layout, netcdf
+from freqrail.result import axes, labels, layout, netcdf, variants
 from freqrail.solver import solve
 from freqrail.sweep import parts, plausibility
 from freqrail.sweep.journal import Journal
@@ -47,8 +47,9 @@ def sweep(
     result. progress: called with the number of grid points just done.
 
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
-    `<response>_rms_relative_error`, `status` and `method` per grid point, the same with the
-    prefix `traditional_` without the joint axes, and with `psd` `<response>_psd` [unit^2/Hz].
+    `<response>_rms_relative_error`, `status` and `method` per grid point, the same of each variant with its
+    prefix (`traditional_`) and without the axes that it fixes (the joints'), and with `psd` `<response>_psd`
+    [unit^2/Hz].
     A value that could not be computed to 1e-6 is NaN, and the status of its point is not 0.
 
     Raises InputError for a bad case, axis, setting or response name. The RMS is the root of the integral
@@ -157,6 +158,7 @@ def _identity(plan: Plan, everything: Sequence[Part]) -> str:
     """SHA-256 of all that decides the bits of the blocks: a journal with another one is of another sweep."""
     facts = [
         plan.layout.case.effective,
+        variants.stored(plan.layout.case.variants),
         plan.layout.names,
         plan.layout.frequency.si.tolist() if plan.layout.frequency is not None else None,
         [block.key for block in everything],
