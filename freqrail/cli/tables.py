@@ -16,13 +16,14 @@ import xarray as xr
 from freqrail.case.case import Case
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, meaning
 from freqrail.case.quantities import shown_value
+from freqrail.case.samples import SAMPLE
 from freqrail.model.band import band_limits, band_text
 from freqrail.model.responses import RESPONSES, Response
 from freqrail.model.spectrum import standard_deviation
 from freqrail.model.variants import TRADITIONAL, Variant
 from freqrail.model.vehicle import static_wheel_load
 from freqrail.result import confirmation
-from freqrail.result.axes import axis_label, axis_unit, first_failures, swept
+from freqrail.result.axes import axis_label, axis_unit, first_failures, sampled, swept
 from freqrail.result.points import Point, confirmed_point
 from freqrail.result.variants import models_of
 from freqrail.solver.modes import modes
@@ -140,6 +141,20 @@ def case_axes(case: Case) -> list[Record]:
     ]
 
 
+def case_samples(case: Case) -> list[Record]:
+    """What is sampled in a case: name, smallest, largest, unit."""
+    columns = case.samples.columns if case.samples else ()
+    return [
+        {
+            "sampled": column.name,
+            "smallest": float(column.values.min()),
+            "largest": float(column.values.max()),
+            "unit": column.unit,
+        }
+        for column in columns
+    ]
+
+
 def mode_records(case: Case) -> list[Record]:
     """The modes of a case's scalars, with the traditional model's frequency and damping beside each."""
     rigid = list(modes(case.vehicle.traditional()))
@@ -237,6 +252,19 @@ def result_axes(dataset: xr.Dataset) -> list[Record]:
     ]
 
 
+def result_samples(dataset: xr.Dataset) -> list[Record]:
+    """What varies along the samples of a result: name, smallest, largest, unit."""
+    return [
+        {
+            "sampled": name,
+            "smallest": float(dataset[name].values.min()),
+            "largest": float(dataset[name].values.max()),
+            "unit": axis_unit(dataset, name),
+        }
+        for name in sampled(dataset)
+    ]
+
+
 def result_tables(dataset: xr.Dataset) -> list[str]:
     """The axes and the ranges of a result as tables."""
     axes = [
@@ -244,7 +272,8 @@ def result_tables(dataset: xr.Dataset) -> list[str]:
         | {end: axis_label(dataset, axis["axis"], at) for end, at in (("first", 0), ("last", -1))}
         for axis in result_axes(dataset)
     ]
-    return [table(records) for records in (axes, in_shown_units(result_ranges(dataset))) if records]
+    parts = (axes, result_samples(dataset), in_shown_units(result_ranges(dataset)))
+    return [table(records) for records in parts if records]
 
 
 def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
@@ -260,7 +289,10 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         "computed_anew": list(found.anew),
     }
     where = ", ".join(found.label(name) for name in indices)
-    lines = [where, *filter(None, [found.note])]
+    lines = [where, *filter(None, [_sample_text(dataset, indices), found.note])]
+    if sampled(dataset):
+        facts["sampled"] = {name: float(dataset[name].values[indices[SAMPLE]]) for name in sampled(dataset)}
+        facts["units"] |= {name: axis_unit(dataset, name) for name in sampled(dataset)}
     models = models_of(dataset)
     for model in models:
         prefix = model.prefix
@@ -299,6 +331,11 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
             )
     shown = in_shown_units(records, [variant.name for variant in models[1:]])
     return facts | {"numbers": records}, [*lines, table(shown)]
+
+
+def _sample_text(dataset: xr.Dataset, indices: Mapping[str, int]) -> str:
+    """What is sampled, as a line of text; "" if nothing is."""
+    return ", ".join(f"{name} = {axis_label(dataset, name, indices[SAMPLE])}" for name in sampled(dataset))
 
 
 def _columns(variant: Variant) -> tuple[str, str]:
@@ -383,7 +420,8 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     else:
         words = f"{count}: all stand"
     lines += [words, *(f"  {line}" for line in missing)]
-    axes = [str(name) for name in dataset.coords if name in SWEEPABLE and dataset[name].dims == ("point",)]
+    known = (*SWEEPABLE, SAMPLE)
+    axes = [str(name) for name in dataset.coords if name in known and dataset[name].dims == ("point",)]
     facts = {
         "title": head[0],
         "conditions": head[1],

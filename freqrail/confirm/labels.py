@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import Axis
 from freqrail.case.quantities import unit_factor
+from freqrail.case.samples import SAMPLE
 from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import statistics
 from freqrail.confirm.judging import Judgement, by_model, judge
@@ -30,7 +31,7 @@ from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import RESPONSES
 from freqrail.model.variants import DEFAULT
 from freqrail.result import verdicts
-from freqrail.result.axes import grid_axis, swept
+from freqrail.result.axes import SAMPLE_NAME, grid_axis, sample_names, sampled, swept
 from freqrail.result.confirmation import CHECKS, series_labels, series_of
 from freqrail.result.content import content_digest, whole
 from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates
@@ -259,7 +260,9 @@ def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
             {"units": "s", "long_name": "time from the start of the measured period"},
         ),
     }
-    for name in swept(run.dataset):
+    if SAMPLE in swept(run.dataset):
+        coordinates |= _samples_of_points(run)
+    for name in (name for name in (*swept(run.dataset), *sampled(run.dataset)) if name != SAMPLE):
         for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case.masses).items():
             coordinates[key] = ("point", values, described)
     coordinates |= scalar_coordinates(run.case, run.band)
@@ -273,12 +276,23 @@ def _models_text(run: Run) -> str:
     return "; ".join(f"{label}: {model.words}" for label, model in zip(run.labels_of_models, run.models, strict=True))
 
 
+def _samples_of_points(run: Run) -> dict[str, Any]:
+    """The number, and the name, of every point's sample."""
+    numbers = [int(place.dataset[SAMPLE].values[place.index[SAMPLE]]) for place in run.places]
+    found = {SAMPLE: ("point", np.array(numbers, dtype=np.int32), run.dataset[SAMPLE].attrs)}
+    if sample_names(run.dataset):
+        names = [sample_names(place.dataset)[place.index[SAMPLE]] for place in run.places]
+        found[SAMPLE_NAME] = ("point", np.array(names), run.dataset[SAMPLE_NAME].attrs)
+    return found
+
+
 def _axis_of_points(run: Run, name: str) -> Axis:
     """A swept parameter's value at every point, in the result's unit whether the point is on its grid or not."""
     axis = grid_axis(run.dataset, name)
     factor = float(unit_factor(axis.unit)[0])
-    si = [grid_axis(place.dataset, name).si[place.index[name]] for place in run.places]
-    values = [si[n] / factor if place.anew else axis.values[place.index[name]] for n, place in enumerate(run.places)]
+    along = SAMPLE if name in sampled(run.dataset) else name
+    si = [grid_axis(place.dataset, name).si[place.index[along]] for place in run.places]
+    values = [si[n] / factor if place.anew else axis.values[place.index[along]] for n, place in enumerate(run.places)]
     return replace(axis, values=np.array(values), si=np.array(si))
 
 

@@ -16,6 +16,7 @@ from freqrail.case.axis import SAME, Axis
 from freqrail.case.case import Case
 from freqrail.case.parameters import JOINTS, PARAMETERS, Parameter, suggestion
 from freqrail.case.quantities import parse_pair, parse_quantity
+from freqrail.case.samples import SAMPLE
 from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import simulation, time_side
 from freqrail.confirm.integrators import INTEGRATORS
@@ -310,7 +311,9 @@ def _point(place: Place, models: tuple[Variant, ...]) -> time_side.OperatingPoin
     vehicle = vehicle_of(case)
     twins = tuple((model.name, vehicle_of(case.of(model))) for model in models[1:])
     values = {name: quantity.value for name, quantity in case.quantities.items()}
-    values |= {name: float(grid_axis(place.dataset, name).si[i]) for name, i in place.index.items()}
+    values |= {name: float(grid_axis(place.dataset, name).si[i]) for name, i in place.index.items() if name != SAMPLE}
+    for column in case.samples.columns if case.samples else ():  # its values, not its number, say what a sample is
+        values[column.name] = float(grid_axis(place.dataset, column.name).si[place.index[SAMPLE]])
     # twelve digits: the streams must not hang on the last bit of a conversion of units
     key = ", ".join(f"{name}={values[name]:.12g}" for name in sorted(values))
     return time_side.OperatingPoint(vehicle, values["speed"], case.spectrum, key, twins)

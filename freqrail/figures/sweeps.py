@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from freqrail.case.case import Case
 from freqrail.case.parameters import JOINTS, PARAMETERS, SWEEPABLE
+from freqrail.case.samples import SAMPLE
 from freqrail.figures.style import (
     BLUE,
     DEEPEST,
@@ -41,7 +42,7 @@ from freqrail.figures.style import family as family_styles
 from freqrail.model.band import band_limits
 from freqrail.model.responses import DIMENSIONS, RESPONSES, Response
 from freqrail.model.variants import BASE, Variant
-from freqrail.result.axes import axis_unit, grid_axis, swept, swept_by
+from freqrail.result.axes import axis_label, axis_unit, grid_axis, sampled, swept, swept_by
 from freqrail.result.variants import models_of, variants_of
 from freqrail.sweep.off_grid import ATTRIBUTE
 
@@ -71,15 +72,20 @@ def drawings(dataset: xr.Dataset) -> dict[str, Drawing]:
     """The figures that the axes of a dataset allow, by the stem of their file's name."""
     axes = [name for name in swept(dataset) if dataset.sizes[name] > 1]
     others = [name for name in axes if name != "speed"]
+    others.sort(key=lambda name: name == SAMPLE)  # last, as the axes of their own are what is looked for first
+    along = [name for name in others if name != SAMPLE or others == axes == [SAMPLE]]
     speed = "speed" if "speed" in axes else None
     drawings: dict[str, Drawing] = {}
     if speed and not others:
         drawings["rms-against-speed"] = Drawing((speed,), _curves, (speed, None))
     for name in others if speed else ():
         drawings[f"rms-against-speed-{name}"] = Drawing(("speed", name), _curves, ("speed", name))
-    for name in others:
+    for name in along:
         drawings[f"rms-against-{name}"] = Drawing((name, *([speed] if speed else [])), _curves, (name, speed))
-    for name in others if speed else ():
+    for name in along if SAMPLE in others and not speed else ():
+        if name != SAMPLE:
+            drawings[f"rms-against-{name}-{SAMPLE}"] = Drawing((name, SAMPLE), _curves, (name, SAMPLE))
+    for name in along if speed else ():
         if np.isfinite(dataset[name].values).sum() > 1:
             drawings[f"map-speed-{name}"] = Drawing(("speed", name), _map, (name,))
     if stored(dataset, "_psd"):
@@ -107,6 +113,11 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         [{**one, "color": style["color"] if each else one["color"], "zorder": 2.5} for style in styles]
         for one, each in zip(variant_styles(len(variants)), own, strict=True)
     ]
+    if along == SAMPLE:  # nothing lies between two samples
+        styles = [_marks(style, 0) for style in styles]
+        for k, variant in enumerate(variants):
+            if SAMPLE in swept_by(dataset, variant):
+                dashed[k] = [_marks(style, k + 1) for style in dashed[k]]
     order = [name for name in (family, along) if name]
     figure, drawn = _panels(dataset, "_rms", _caption(dataset, case, "_rms", where))
     for response, ax in drawn:
@@ -148,6 +159,11 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
     else:
         _legend(figure, models)
     return figure
+
+
+def _marks(style: Style, model: int) -> Style:
+    """The style of a model's line as marks alone."""
+    return {**style, "linestyle": "none", "marker": MARKERS[model % len(MARKERS)]}
 
 
 def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -> Figure:
@@ -247,6 +263,8 @@ def _edges(values: NDArray[np.float64], name: str) -> NDArray[np.float64]:
 
 
 def _symbol(name: str) -> str:
+    if name == SAMPLE:
+        return name
     return f"${PARAMETERS[name].symbol}$"
 
 
@@ -260,6 +278,8 @@ def _value(dataset: xr.Dataset, name: str, index: int) -> str:
 
 def _values(dataset: xr.Dataset, name: str, places: Sequence[int] | NDArray[np.intp]) -> list[str]:
     """Grid values as labels: three digits, more only where two of them would read alike."""
+    if name == SAMPLE:
+        return [axis_label(dataset, name, int(place)) for place in places]
     axis = grid_axis(dataset, name)
     values, unit = axis.values[np.asarray(places)], _pretty(axis.unit)
     for digits in range(3, 17):
@@ -278,8 +298,12 @@ def _digits(value: float, digits: int) -> str:
 
 def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
     """Label an axis with name, symbol and unit; that of a joint stiffness is logarithmic."""
-    unit = _pretty(axis_unit(dataset, name))
     axis = ax.xaxis if which == "x" else ax.yaxis
+    if name == SAMPLE:
+        axis.set_label_text(name)
+        axis.set_major_locator(MaxNLocator(_TICKS, integer=True, min_n_ticks=1))
+        return
+    unit = _pretty(axis_unit(dataset, name))
     axis.set_label_text(f"{name.replace('_', ' ')} {_symbol(name)} [{unit}]")
     if name in JOINTS:
         ax.set(**{f"{which}scale": "log"})
@@ -308,9 +332,15 @@ def _caption(
     models: those drawn; all of them by default.
     """
     held = {}
-    swept_once = {axis.name for axis in case.axes} & {*map(str, dataset.coords)}
+    swept_once = case.varied & {*map(str, dataset.coords)}
+    along_samples = sampled(dataset)
+    if SAMPLE in where and np.ndim(where[SAMPLE]) == 0:
+        held[SAMPLE] = _value(dataset, SAMPLE, int(where[SAMPLE]))
     for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in swept_once)]):
-        if name in where:
+        if name in along_samples:
+            if SAMPLE in held:
+                held[name] = _value(dataset, name, int(where[SAMPLE]))
+        elif name in where:
             if np.ndim(where[name]) == 0:
                 held[name] = _value(dataset, name, int(where[name]))
         elif name in swept_once:  # a slice that the caller has cut out of the result

@@ -15,10 +15,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from freqrail.case.parameters import SWEEPABLE
+from freqrail.case.samples import SAMPLE
 from freqrail.errors import InputError
 from freqrail.model.responses import DIMENSIONS, RESPONSES
 from freqrail.model.variants import Variant
-from freqrail.result.axes import swept, swept_by
+from freqrail.result.axes import sampled, swept, swept_by
 from freqrail.result.content import PIECE, pieces
 from freqrail.result.variants import FLAGS, models_of
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE
@@ -52,11 +53,18 @@ def faults(dataset: xr.Dataset) -> list[str]:
 
 def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
     for name in axes:
-        if name not in SWEEPABLE:
+        if name not in (*SWEEPABLE, SAMPLE):
             yield f"status has the dimension {name}, which no sweep has"
         elif name not in dataset.coords:
             yield f"has no coordinate {name}"
         elif dataset[name].dtype.kind not in "iuf" or np.isnan(dataset[name].values).any():
+            yield f"{name} holds other values than numbers"
+    if SAMPLE in axes and SAMPLE in dataset.coords:
+        numbers = dataset[SAMPLE].values
+        if numbers.dtype.kind not in "iu" or (numbers < 1).any() or np.unique(numbers).size < numbers.size:
+            yield f"{SAMPLE} holds other values than the numbers of samples"
+    for name in sampled(dataset):
+        if dataset[name].dtype.kind != "f" or np.isnan(dataset[name].values).any():
             yield f"{name} holds other values than numbers"
     if "frequency" in dataset.dims and (
         "frequency" not in dataset.coords or not _is_float(dataset["frequency"]) or np.isnan(dataset["frequency"]).any()

@@ -76,7 +76,19 @@ def stored_bytes(layout: Layout) -> int:
     lines = layout.frequency.si.size if layout.frequency is not None else 0
     points = sum(math.prod(axis.si.size for axis in layout.axes(model.prefix)) for model in layout.models)
     # the last: what HDF5 and attributes take
-    return points * (8 * series * (2 + lines) + 2) + 6_000 * len(layout.names) + 2 * len(layout.case.text) + 50_000
+    return (
+        points * (8 * series * (2 + lines) + 2)
+        + 6_000 * len(layout.names)
+        + 2 * len(layout.case.text)
+        + 50_000
+        + _stored_samples(layout)
+    )
+
+
+def _stored_samples(layout: Layout) -> int:
+    """Bytes of the samples in the case that a result holds, and as coordinates."""
+    samples = layout.case.samples
+    return 0 if samples is None else len(layout.case.effective) + 8 * samples.numbers.size * len(samples.columns)
 
 
 def check_memory(layout: Layout) -> None:

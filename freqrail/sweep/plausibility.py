@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from freqrail.case.axis import Axis
 from freqrail.case.case import Case
 from freqrail.case.criteria import CRITERIA, Criterion
+from freqrail.case.samples import SAMPLE
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band, band_limits
 from freqrail.model.spectrum import standard_deviation
@@ -111,10 +112,14 @@ MEASURES: Mapping[str, Callable[[Vehicle], Number]] = {
 
 
 def corners(case: Case) -> Case:
-    """The case with every axis cut to its two ends."""
+    """The case with every axis cut to its two ends; samples stay, for their ends hold nothing."""
 
     def ends(axis: Axis) -> Axis:
-        return axis if axis.si.size < 3 else replace(axis, values=axis.values[[0, -1]], si=axis.si[[0, -1]])
+        return (
+            axis
+            if axis.si.size < 3 or axis.name == SAMPLE
+            else replace(axis, values=axis.values[[0, -1]], si=axis.si[[0, -1]])
+        )
 
     return replace(case, axes=tuple(map(ends, case.axes)))
 
@@ -218,7 +223,7 @@ def _place(case: Case, name: str, values: NDArray[np.float64]) -> str:
         outside = np.where(np.isnan(values), -1.0, np.maximum(values / high, low / values))
     index = np.unravel_index(int(np.argmax(outside)), values.shape)
     where = [
-        f"{axis.name}={axis.values[i]:.4g} {axis.unit}"
+        f"{axis.name}={axis.values[i]:{'.0f' if axis.name == SAMPLE else '.4g'}} {axis.unit}".rstrip()
         for axis, i, size in zip(axes, index, values.shape, strict=True)
         if size > 1
     ]
@@ -347,6 +352,7 @@ def _widest(case: Case, name: str) -> tuple[float, float]:
 
 def _wheel_force(case: Case) -> Concern | None:
     """The concern about contact lost, from a few corners of the grid, in all models of a case."""
+    case = _few_samples(case)
     vehicle = case.vehicles()
     models = [_on_the_grid(case, model) for model in case.models]
     values = np.full(vehicle.shape, np.nan)
@@ -372,6 +378,17 @@ def _wheel_force(case: Case) -> Concern | None:
     return _judged(case, "wheel_force", values)
 
 
+def _few_samples(case: Case) -> Case:
+    """The case with those of its samples in which a parameter is smallest or largest, FORCES of them at most."""
+    if case.samples is None:
+        return case
+    rows = [f(column.si) for f in (np.argmin, np.argmax) for column in case.samples.columns]
+    numbers = case.samples.numbers[sorted(dict.fromkeys(map(int, rows)))[:FORCES]]
+    samples = case.samples.at(numbers)
+    axes = tuple(samples.axis if axis.name == SAMPLE else axis for axis in case.axes)
+    return replace(case, samples=samples, axes=axes)
+
+
 def _on_the_grid(case: Case, model: Variant) -> tuple[Vehicle, list[int], float]:
     """The vehicles of a model, which axes of the case's grid of vehicles they have, and the fastest speed, m/s."""
     own = case.of(model)
@@ -385,8 +402,15 @@ def _some_corners(shape: tuple[int, ...]) -> list[tuple[int, ...]]:
     the four pairs of ends of any two axes a quarter of it (two-level orthogonal array, for up to 15 axes of two ends).
     """
     axes = [axis for axis, ends in enumerate(shape) if ends > 1]
-    if 2 ** len(axes) <= FORCES:
+    if math.prod(shape) <= FORCES:
         return list(np.ndindex(shape))
+    if max(shape) > 2:  # samples: each once at least, with the others' corners in turn
+        longest = max(range(len(shape)), key=lambda axis: shape[axis])
+        others = _some_corners((*shape[:longest], 1, *shape[longest + 1 :]))
+        runs = range(max(FORCES, shape[longest]))
+        # a step that shares no factor with their number takes every corner beside many samples
+        corners = [others[(run + run // len(others)) % len(others)] for run in runs]
+        return [(*c[:longest], run % shape[longest], *c[longest + 1 :]) for run, c in zip(runs, corners, strict=True)]
     # an axis's end is the parity of some bits of the run's number: other bits for every axis, odd numbers of them first
     masks = sorted(range(1, FORCES), key=lambda mask: (mask.bit_count() % 2 == 0, mask.bit_count()))
     bits = dict(zip(axes, masks, strict=False))
