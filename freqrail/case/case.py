@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,13 +21,15 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from freqrail.case.axis import Axis, is_same, nearest, parse_axis
-from freqrail.case.file import apply_axis, apply_setting, find, parse_toml, to_toml
+from freqrail.case.file import CONTACTS, apply_axis, apply_setting, find, parse_toml, to_toml
 from freqrail.case.parameters import JOINTS, PARAMETERS, SHARED_BY_SIDES
 from freqrail.case.quantities import Quantity, milli_hint, parse_quantity
+from freqrail.case.samples import SAMPLE, Samples, from_mapping, number_of, read_csv, read_table
 from freqrail.case.tables import cross_checks, keys, model, problems_of, readable, readable_points
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band
 from freqrail.model.spectrum import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, RationalSpectrum
+from freqrail.model.variants import BASE, DEFAULT, Variant
 from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 from freqrail.text import given
 
@@ -39,9 +43,11 @@ class Case:
 
     name: the file's stem. masses: "half" or "whole": whether the quantities and axes are those of one side of the
     vehicle, as the model takes them, or of both. quantities: every scalar of [vehicle] and [operation] as written and
-    in SI. axes: swept parameters in the order given. frequency: where spectra are stored, if the case says so.
-    points: those to confirm, {name: quantity}. accepted: ranges that replace those of `criteria.CRITERIA`.
-    warnings: what was told when the case was read. text: the file. effective: TOML after all changes.
+    in SI. axes: swept parameters in the order given; before them the dimension `sample`, if the case has samples.
+    frequency: where spectra are stored, if the case says so. points: those to confirm, {name: quantity}. accepted:
+    ranges that replace those of `criteria.CRITERIA`. warnings: what was told when the case was read. text: the file.
+    effective: TOML after all changes, samples written out. variants: twins whose responses are computed beside.
+    samples: what varies along `sample`.
     """
 
     name: str
@@ -58,6 +64,8 @@ class Case:
     warnings: tuple[str, ...]
     text: str
     effective: str
+    variants: tuple[Variant, ...] = DEFAULT
+    samples: Samples | None = None
 
     @property
     def speed(self) -> float:
@@ -70,9 +78,34 @@ class Case:
         return _scalars(self.quantities, self.masses)
 
     @property
+    def models(self) -> tuple[Variant, ...]:
+        """The vehicle itself and its variants, in the order in which they are computed and stored."""
+        return (BASE, *self.variants)
+
+    def of(self, model: Variant) -> Case:
+        """The case as one of its models has it: with the numbers that this fixes, and without their axes."""
+        if not model.values:
+            return self
+        fixed = {
+            name: Quantity(value, "inf" if math.isinf(value) else f"{value:.10g} {PARAMETERS[name].unit}")
+            for name, value in model.values.items()
+        }
+        own = {name: quantity for name, quantity in self.quantities.items() if name not in model.fixed}
+        samples = self.samples.without(model.fixed) if self.samples else None
+        gone = model.fixed if samples else {*model.fixed, SAMPLE}
+        axes = tuple(axis for axis in self.axes if axis.name not in gone)
+        return replace(self, quantities=own | fixed, axes=axes, samples=samples, variants=())
+
+    @property
+    def varied(self) -> frozenset[str]:
+        """The parameters that the case sweeps, along axes of their own or along `sample`."""
+        sampled = self.samples.parameters if self.samples else frozenset()
+        return sampled | {axis.name for axis in self.axes} - {SAMPLE}
+
+    @property
     def vehicle(self) -> Vehicle:
         """The vehicle of the case's scalars, axes left aside."""
-        return replace(self, axes=()).vehicles()
+        return replace(self, axes=(), samples=None).vehicles()
 
     def vehicles(self) -> Vehicle:
         """The grid of vehicles that the axes other than speed span, fields broadcasting in their order.
@@ -82,12 +115,15 @@ class Case:
         axes = [axis for axis in self.axes if axis.name != "speed"]
         values: dict[str, Any] = {name: quantity.value for name, quantity in self.quantities.items()}
         for place, axis in enumerate(axes):
-            values[axis.name] = axis.si.reshape([-1 if i == place else 1 for i in range(len(axes))])
+            columns: tuple[Axis, ...] = (axis,)
+            if axis.name == SAMPLE and self.samples:  # the numbers, of which a part may have been cut out
+                columns = self.samples.at(axis.values).columns
+            for column in columns:
+                values[column.name] = column.si.reshape([-1 if i == place else 1 for i in range(len(axes))])
         values.pop("speed")
         values = {name: value * _share(name, self.masses) for name, value in values.items()}
         constant = values.pop("contact_constant", None)
-        swept = {axis.name for axis in axes}
-        if constant is not None and "contact_stiffness" not in swept:
+        if constant is not None and "contact_stiffness" not in self.varied:
             load = static_wheel_load(values["car_body_mass"], values["bogie_mass"], values["wheelset_mass"])
             values["contact_stiffness"] = hertzian_contact_stiffness(constant, load)
         return Vehicle(**values)
@@ -102,20 +138,30 @@ def load_case(
     settings: Mapping[str, str] | None = None,
     over: Mapping[str, str] | None = None,
     scalars: bool = False,
+    samples: str | os.PathLike[str] | Mapping[str, Any] | None = None,
 ) -> Case:
     """Read, change and check a case.
 
     case: path of a TOML file, or the name of a shipped case. settings: {"NAME" or "SECTION.NAME":
     value}, as `--set`; {"band": "none"} removes the band. over: {"NAME": axis}, as `--over`: replaces
     the case's axis of that name or adds one after the others. scalars: the case's scalars are what is wanted, so
-    that `settings` may name swept quantities too.
+    that `settings` may name swept quantities too. samples: the path of a CSV file, as `--samples`, or its columns as a
+    mapping (see `samples.from_mapping`): replaces the case's samples, and its axes of what is sampled.
 
     Raises InputError with one line a problem for everything that is wrong with the file or the
     changes (see the README's case format), and warns (FreqrailWarning) of a joint softer
     than 1 % of its suspension spring.
     """
     name, file, text = find(case)
-    return build_case(text, settings, over, name=name, file=file, scalars=scalars)
+    table: Samples | Mapping[str, Any] | None = None
+    if isinstance(samples, str | os.PathLike):
+        table = read_csv(samples)
+    elif samples is not None:
+        if not hasattr(samples, "items"):
+            raise InputError(f"samples: the path of a CSV file, or a mapping, is expected {given(samples)}")
+        table = from_mapping(samples)
+    folder = Path(case).parent if Path(case).is_file() else Path()
+    return build_case(text, settings, over, name=name, file=file, scalars=scalars, samples=table, folder=folder)
 
 
 def build_case(
@@ -127,11 +173,14 @@ def build_case(
     stray_points: bool = False,
     scalars: bool = False,
     axis_option: str = "--over",
+    samples: Samples | Mapping[str, Any] | None = None,
+    folder: Path | None = None,
 ) -> Case:
     """`load_case` of TOML text; `file` is the name that messages bear, `axis_option` that of the option behind `over`.
 
     stray_points: accept confirm points off the grid, as `settings` and `over` may leave them; confirming
-    them is what fails then.
+    them is what fails then. samples: replaces the table of that name. folder: to which the path of the file of samples
+    is relative; None for a text that may name no file.
     """
     for option, changes in (("settings", settings), ("over", over)):
         if changes is not None and not isinstance(changes, Mapping):
@@ -149,16 +198,24 @@ def build_case(
         """The place that a message names: the option that set a key, or the file's own table and key."""
         return origins.get(at, f"{file}: [{at[0]}].{at[1]}" if len(at) > 1 else f"{file}: {at[0]}")
 
-    read = _read(tables, file, where)
+    if samples is not None:
+        tables["samples"] = samples if isinstance(samples, Samples) else dict(samples)
+        origins["samples",] = "samples"
+        sweep = keys(tables, "sweep")
+        sampled = samples.parameters if isinstance(samples, Samples) else samples.keys()
+        for axis in [axis for axis in sweep if axis in sampled and ("sweep", axis) not in origins]:
+            del sweep[axis]  # the case's own axis, which samples given besides replace
+    read = _read(tables, file, where, folder)
+    problems += _sampled_twice(read, tables, origins, where, scalars)
     problems += [*read.problems, *cross_checks(tables, file, where)]
-    problems += _geometry_problems(read.quantities, read.axes, where)
+    problems += _geometry_problems(read, where)
     problems += _size_problems((*read.axes, *([read.frequency] if read.frequency else ())), where)
-    if not (settings or over or stray_points):
+    if not (settings or over or samples or stray_points):
         masses = read.checked.vehicle.masses if read.checked else "half"
-        problems += _point_problems(read.points, _scalars(read.quantities, masses), read.axes, file)
+        problems += _point_problems(read, _scalars(read.quantities, masses), file)
     if read.checked is None or problems:
         raise InputError(*dict.fromkeys(problems))
-    warned = (*_millinewtons(read.quantities, read.axes, where), *_soft_joints(read.quantities, read.axes, where))
+    warned = (*_millinewtons(read, where), *_soft_joints(read, where))
     for line in warned:
         warnings.warn(line, FreqrailWarning, stacklevel=3)
     return Case(
@@ -175,7 +232,8 @@ def build_case(
         accepted=read.checked.accepted,
         warnings=warned,
         text=text,
-        effective=to_toml(tables),
+        effective=to_toml(tables | ({"samples": read.samples.table()} if read.samples else {})),
+        samples=read.samples,
     )
 
 
@@ -183,7 +241,8 @@ def build_case(
 class _Read:
     """What the tables of a file hold. checked: the validated model, None if something is wrong with them.
 
-    points: those to confirm, by their number in the file. problems: what is wrong, a line each.
+    points: those to confirm, by their number in the file. problems: what is wrong, a line each. samples: None if there
+    are none, or something is wrong with them.
     """
 
     checked: Any
@@ -192,14 +251,20 @@ class _Read:
     frequency: Axis | None
     points: dict[int, dict[str, Quantity]]
     problems: list[str]
+    samples: Samples | None
+
+    @property
+    def columns(self) -> tuple[Axis, ...]:
+        """What varies: axes, and columns of samples."""
+        return (*self.axes, *(self.samples.columns if self.samples else ()))
 
 
-def _read(tables: dict[str, Any], file: str, where: Callable[..., str]) -> _Read:
+def _read(tables: dict[str, Any], file: str, where: Callable[..., str], folder: Path | None) -> _Read:
     """Validate the tables of a file; of a faulty one, what can be read all the same, so that every fault of it is told
     at once."""
     checked, problems = None, []
     try:
-        checked = model().model_validate(tables)
+        checked = model().model_validate({key: table for key, table in tables.items() if key != "samples"})
         quantities = {k: v for part in (checked.vehicle, checked.operation) for k, v in part if isinstance(v, Quantity)}
         sweep = {key: getattr(checked.sweep, key) for key in tables.get("sweep", {})}
         points = dict(enumerate(checked.confirm.points, start=1))
@@ -209,7 +274,58 @@ def _read(tables: dict[str, Any], file: str, where: Callable[..., str]) -> _Read
         sweep = readable(parse_axis, tables, "sweep")
         points = readable_points(tables, {*_scalars(quantities, "half")} - {*keys(tables, "sweep")} | {*sweep})
     frequency = sweep.pop("frequency", None)
-    return _Read(checked, quantities, tuple(sweep.values()), frequency, points, problems)
+    axes = tuple(sweep.values())
+    samples = None
+    if "samples" in tables:
+        try:
+            table = tables["samples"]
+            samples = (
+                table
+                if isinstance(table, Samples)
+                else read_table(table, partial(_place_of_samples, where, file), folder)
+            )
+            axes = (samples.axis, *axes)
+        except InputError as fault:
+            problems += fault.problems
+    return _Read(checked, quantities, axes, frequency, points, problems, samples)
+
+
+def _place_of_samples(where: Callable[..., str], file: str, key: str) -> str:
+    """What messages call a key of the samples, or the whole table."""
+    given_otherwise = where("samples")
+    if not given_otherwise.startswith(f"{file}: "):
+        return f"{given_otherwise}: {key}" if key else given_otherwise
+    return where("samples", key) if key else f"{file}: [samples]"
+
+
+def _sampled_twice(
+    read: _Read,
+    tables: dict[str, Any],
+    origins: Mapping[tuple[str, ...], str],
+    where: Callable[..., str],
+    scalars: bool,
+) -> list[str]:
+    """Faults of what is sampled, and given by another axis, by an option, or by another name."""
+    if read.samples is None:
+        return []
+    problems = []
+    contacts = set(CONTACTS)
+    sampled = read.samples.parameters
+    for name in sorted(sampled):
+        alike = contacts if name in contacts else {name}
+        problems += [
+            f"{where('sweep', axis)}: {name} is sampled; leave out the axis, or its column of the samples"
+            for axis in sorted(alike & {*keys(tables, "sweep")})
+        ]
+        options = [origins[key] for key in origins if len(key) > 1 and key[0] != "sweep" and key[1] in alike]
+        problems += [
+            f"{option}: {name} is sampled; change its column of the samples" for option in options if not scalars
+        ]
+    if contacts <= sampled:
+        problems.append(f"{where('samples')}: contact_constant, contact_stiffness: both are sampled; sample one")
+    if "contact_constant" in sampled and "contact_stiffness" in keys(tables, "vehicle"):
+        problems.append(f"{where('samples', 'contact_constant')}: sampled, but [vehicle] gives contact_stiffness")
+    return problems
 
 
 def _share(name: str, masses: str) -> float:
@@ -228,23 +344,35 @@ def _scalars(quantities: Mapping[str, Quantity], masses: str) -> dict[str, Quant
     return {"contact_stiffness": Quantity(stiffness, f"{stiffness:.10g} N/m"), **quantities}
 
 
-def _extremes(name: str, quantities: Mapping[str, Quantity], axes: tuple[Axis, ...]) -> tuple[float, float] | None:
-    """Smallest and largest value of a quantity, SI: on the grid, and its scalar; None if it has none."""
-    values = [end for axis in axes if axis.name == name for end in (axis.si[0], axis.si[-1])]
-    values += [quantities[name].value] if name in quantities else []
-    return (float(min(values)), float(max(values))) if values else None
+def _closest(read: _Read, first: str, second: str) -> tuple[float, float] | None:
+    """Where the ratio of two quantities is smallest, SI: of their scalars, and on the grid; None if one has no value.
+
+    Sampled both, they are taken sample by sample, else each at its own end.
+    """
+    scalars = [read.quantities[name].value for name in (first, second) if name in read.quantities]
+    varied = {column.name: column.si for column in read.columns}
+    pairs = [(scalars[0], scalars[1])] if len(scalars) == 2 else []
+    sampled = read.samples.parameters if read.samples else frozenset()
+    if {first, second} <= sampled:
+        at = int(np.argmin(varied[first] / varied[second]))
+        pairs.append((float(varied[first][at]), float(varied[second][at])))
+    else:
+        values = [
+            [*([read.quantities[name].value] if name in read.quantities else []), *varied.get(name, ())]
+            for name in (first, second)
+        ]
+        if all(values):
+            pairs.append((float(min(values[0])), float(max(values[1]))))
+    return min(pairs, key=lambda pair: pair[0] / pair[1]) if pairs else None
 
 
-def _geometry_problems(
-    quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]
-) -> list[str]:
-    spacing = _extremes("half_bogie_spacing", quantities, axes)
-    wheelbase = _extremes("half_wheelbase", quantities, axes)
-    if spacing is None or wheelbase is None or spacing[0] > wheelbase[1]:
+def _geometry_problems(read: _Read, where: Callable[..., str]) -> list[str]:
+    pair = _closest(read, "half_bogie_spacing", "half_wheelbase")
+    if pair is None or pair[0] > pair[1]:
         return []
     return [
         f"{where('vehicle', 'half_bogie_spacing')}: must exceed half_wheelbase everywhere on the grid "
-        f"(got {spacing[0]:g} m and {wheelbase[1]:g} m)"
+        f"(got {pair[0]:g} m and {pair[1]:g} m)"
     ]
 
 
@@ -260,15 +388,34 @@ def _size_problems(axes: tuple[Axis, ...], where: Callable[..., str]) -> list[st
 
 
 def place_point(
-    point: Mapping[str, Quantity], axes: tuple[Axis, ...], scalars: Mapping[str, Quantity], near: bool = False
+    point: Mapping[str, Quantity],
+    axes: tuple[Axis, ...],
+    scalars: Mapping[str, Quantity],
+    near: bool = False,
+    sampled: Collection[str] = (),
+    names: Sequence[str] = (),
 ) -> tuple[dict[str, int], dict[str, str]]:
     """Where a point lies on a grid: ({axis: index}, {name: what is wrong}).
 
     An axis that the point leaves out takes the case's scalar, or its only value; with `near`, its value nearest
-    to the scalar. A value off the grid and a named quantity that is neither swept nor the case's own are faults.
+    to the scalar. A value off the grid and a named quantity that is neither swept nor the case's own are faults. A
+    sample is named by its number or its name; left out, it is the first. sampled: parameters that vary along `sample`;
+    names: of the samples.
     """
     indices, faults = {}, {}
     for axis in axes:
+        if axis.name == SAMPLE:
+            number = number_of(point[SAMPLE].text, axis.values, names) if SAMPLE in point else axis.values[0]
+            if number is None:
+                ends = (
+                    f"{axis.values[0]:.0f} to {axis.values[-1]:.0f}"
+                    if axis.values.size > 1
+                    else f"{axis.values[0]:.0f}"
+                )
+                faults[SAMPLE] = f"there is no such sample (got {point[SAMPLE].text!r}; there are {ends})"
+            else:
+                indices[SAMPLE] = int(np.flatnonzero(axis.values == number)[0])
+            continue
         named = axis.name in point
         quantity = point[axis.name] if named else scalars.get(axis.name)
         if quantity is None or (axis.si.size == 1 and not named):
@@ -284,6 +431,9 @@ def place_point(
         stray = f'left out, and the case\'s own value {off}: name it, as in "{axis.name}={best}"'
         faults[axis.name] = off if named else stray
     for name in set(point) - {axis.name for axis in axes}:
+        if name in sampled:
+            faults[name] = f'varies with the samples: name one of them, as in "{SAMPLE}=1" (got "{point[name].text}")'
+            continue
         own = scalars.get(name)
         if own is None or not is_same(own.value, point[name].value):
             has = f"the case has {own.text}" if own else "the case does not give it"
@@ -291,37 +441,35 @@ def place_point(
     return indices, dict(sorted(faults.items()))
 
 
-def _point_problems(
-    points: dict[int, dict[str, Quantity]], scalars: Mapping[str, Quantity], axes: tuple[Axis, ...], file: str
-) -> list[str]:
+def _point_problems(read: _Read, scalars: Mapping[str, Quantity], file: str) -> list[str]:
+    sampled, names = (read.samples.parameters, read.samples.names) if read.samples else ((), ())
     return [
         f"{file}: [confirm].points: point {place}: {name}: {fault}"
-        for place, point in points.items()
-        for name, fault in place_point(point, axes, scalars)[1].items()
+        for place, point in read.points.items()
+        for name, fault in place_point(point, read.axes, scalars, sampled=sampled, names=names)[1].items()
     ]
 
 
-def _millinewtons(
-    quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]
-) -> Iterator[str]:
-    written = [(where(PARAMETERS[name].section, name), quantity.text) for name, quantity in quantities.items()]
-    written += [(where("sweep", axis.name), axis.text) for axis in axes]
+def _millinewtons(read: _Read, where: Callable[..., str]) -> Iterator[str]:
+    written = [(where(PARAMETERS[name].section, name), quantity.text) for name, quantity in read.quantities.items()]
+    written += [(where("sweep", axis.name), axis.text) for axis in read.axes]
+    written += [(where("samples", column.name), column.text) for column in read.columns if column not in read.axes]
     for place, text in written:
         if milli_hint(text):
             yield f'{place}: {milli_hint(text)} (got "{text}")'
 
 
-def _soft_joints(
-    quantities: Mapping[str, Quantity], axes: tuple[Axis, ...], where: Callable[..., str]
-) -> Iterator[str]:
+def _soft_joints(read: _Read, where: Callable[..., str]) -> Iterator[str]:
+    sampled = read.samples.parameters if read.samples else frozenset()
     for joint in JOINTS:
         spring = joint.replace("_joint", "")
-        ends, springs = _extremes(joint, quantities, axes), _extremes(spring, quantities, axes)
-        if ends is None or springs is None or ends[0] >= SOFT_JOINT * springs[1]:
+        pair = _closest(read, joint, spring)
+        if pair is None or pair[0] >= SOFT_JOINT * pair[1]:
             continue
-        table = "vehicle" if is_same(quantities[joint].value, ends[0]) else "sweep"
+        own = is_same(read.quantities[joint].value, pair[0])
+        table = "vehicle" if own else "samples" if joint in sampled else "sweep"
         yield (
-            f"{where(table, joint)}: {ends[0]:g} N/m is {ends[0] / springs[1]:.1e} of {spring} ({springs[1]:g} N/m), "
+            f"{where(table, joint)}: {pair[0]:g} N/m is {pair[0] / pair[1]:.1e} of {spring} ({pair[1]:g} N/m), "
             f"below {SOFT_JOINT:g}: the damper hardly acts; check the unit"
         )
 

@@ -269,7 +269,7 @@ SWEEPABLE: tuple[str, ...] = tuple(p.name for p in PARAMETERS.values() if p.sect
 """Names that may be an axis of a sweep, beside the `frequency` of stored spectra."""
 
 JOINTS = ("primary_joint_stiffness", "secondary_joint_stiffness")
-"""The axes that the traditional model lacks."""
+"""The stiffnesses of the dampers' rubber joints, inf for a rigid one."""
 
 COMPLIANCES = {joint: joint.replace("stiffness", "compliance") for joint in JOINTS}
 """The reciprocal of a joint's stiffness, finite where the joint is rigid: a coordinate of results."""

@@ -7,6 +7,7 @@ The pydantic model is built from the table of parameters. What can be read of a 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Annotated, Any, Literal
@@ -18,6 +19,7 @@ from freqrail.case.criteria import CRITERIA
 from freqrail.case.file import CONTACTS, sections
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
 from freqrail.case.quantities import Quantity, parse_pair, parse_quantity
+from freqrail.case.samples import SAMPLE
 from freqrail.model.spectrum import GERMAN_ROUGHNESS
 from freqrail.text import given
 
@@ -64,6 +66,9 @@ def _points(value: object) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
         before = len(faults)
         points[place] = {}
         for name, text in point.items():
+            if name == SAMPLE:
+                points[place][name] = Quantity(math.nan, str(text))
+                continue
             if name not in SWEEPABLE:
                 faults.append(f"point {place}: unknown name {name!r}{suggestion(name, SWEEPABLE)}")
                 continue
@@ -155,7 +160,7 @@ def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
     at = tuple(str(part) for part in error["loc"])
     key = at[-1]
     place = where(*at)
-    tables = (*sections(), "sweep", "confirm", "accepted")
+    tables = (*sections(), "sweep", "samples", "confirm", "accepted")
     got = given(error["input"])
     kind = error["type"]
     if kind == "value_error":

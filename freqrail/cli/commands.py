@@ -86,6 +86,12 @@ def cli() -> None:
     shell_complete=completion.axis,
     help='Sweep a quantity: --over "speed=100:300:10 km/h"; also "1, 5, inf MN/m" and "log:1:100:20 MN/m".',
 )
+@click.option(
+    "--samples",
+    metavar="FILE.csv",
+    type=click.Path(),
+    help='Vary several quantities together: a CSV file with a column each, headed by name and unit: "bogie_mass [kg]".',
+)
 @_SET
 @click.option(
     "--responses",
@@ -107,6 +113,7 @@ def sweep(
     case: str,
     output: str | None,
     over: Sequence[tuple[str, str]],
+    samples: str | None,
     settings: Sequence[tuple[str, str]],
     responses: str,
     psd: bool,
@@ -129,7 +136,8 @@ def sweep(
     from freqrail.sweep.plan import Plan, planned_layout, stored_bytes
 
     executor = _executor(jobs, dask)
-    layout = planned_layout(load_case(case, settings_by_name, over_by_name), responses, psd)
+    loaded = load_case(case, settings_by_name, over_by_name, samples=samples)
+    layout = planned_layout(loaded, responses, psd)
     wanted = Path("results", f"{layout.case.name}.nc") if output is None else output
     target = check_target(wanted, overwrite or dry_run, (case,), 2 * stored_bytes(layout), new_folder=output is None)
     plan = Plan.for_layout(layout)
@@ -357,6 +365,8 @@ def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
         "modes": [{k: m[k] for k in ("mode", "Hz", "damping")} for m in cli_tables.mode_records(case) if m["Hz"]],
         "axes": cli_tables.case_axes(case),
     }
+    if case.samples:
+        parts["samples"] = cli_tables.case_samples(case)
     tables = [cli_tables.table(records) for records in parts.values() if records]
     head = [cli_tables.case_head(case), plausibility.vitals_text(case), plausibility.accepted_text(warned)]
     facts = {"title": case.title, "vehicle": plausibility.vitals(case), "warnings": warned, **parts}
@@ -387,6 +397,8 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
         report(facts, as_json, *lines)
         return
     parts = {"axes": cli_tables.result_axes(dataset), "ranges": cli_tables.result_ranges(dataset)}
+    if found := cli_tables.result_samples(dataset):
+        parts["samples"] = found
     hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
     case = result_case(dataset)
     head = [cli_tables.result_head(dataset), plausibility.vitals_text(case), plausibility.accepted_text(warned)]

@@ -28,7 +28,7 @@ def dry_run(plan: Plan, target: Path, jobs: int, overwrite: bool) -> Report:
     seconds = plan.seconds(jobs)
     facts = _facts(plan) | {"output": str(target), "bytes": stored_bytes(plan.layout), "seconds": seconds}
     lines = [
-        f"{counted(plan.points, 'grid point')} ({grid_text(plan)}), both models",
+        f"{counted(plan.points, 'grid point')} ({grid_text(plan)}), {_models_text(plan)}",
         plausibility.vitals_text(plan.layout.case),
         f"{target}: {shown_bytes(stored_bytes(plan.layout))}, "
         f"computing about {number(seconds, 2)} s on {counted(jobs, 'thread')}",
@@ -57,7 +57,7 @@ def outcome(plan: Plan, done: Outcome, seconds: float, resumed: bool) -> Report:
     next_step = "show" if plan.points == 1 or math.isnan(error) else "plot"
     lines = [
         f"{counted(plan.points, 'grid point')} ({grid_text(plan)}), {counted(len(plan.layout.names), 'response')}, "
-        "with joints and traditional",
+        f"with joints and {', '.join(variant.name for variant in plan.layout.case.variants)}",
         plausibility.vitals_text(plan.layout.case),
         *filter(None, [plausibility.accepted_text(warned)]),
         f"band {band_text(plan.layout.case.band)}; {accuracy}",
@@ -70,6 +70,11 @@ def outcome(plan: Plan, done: Outcome, seconds: float, resumed: bool) -> Report:
 def again(given: Sequence[str]) -> str:
     """The command that goes on with an interrupted sweep. given: the arguments of the one that was."""
     return f"{program()} {shlex.join([*given, *(['--resume'] if '--resume' not in given else [])])}"
+
+
+def _models_text(plan: Plan) -> str:
+    count = len(plan.layout.models)
+    return "both models" if count == 2 else counted(count, "model")
 
 
 def _facts(plan: Plan) -> dict[str, Any]:

@@ -16,13 +16,16 @@ import xarray as xr
 from freqrail.case.case import Case
 from freqrail.case.parameters import PARAMETERS, SWEEPABLE, meaning
 from freqrail.case.quantities import shown_value
+from freqrail.case.samples import SAMPLE
 from freqrail.model.band import band_limits, band_text
-from freqrail.model.responses import PREFIXES, RESPONSES, TWIN
+from freqrail.model.responses import RESPONSES, Response
 from freqrail.model.spectrum import standard_deviation
+from freqrail.model.variants import TRADITIONAL, Variant
 from freqrail.model.vehicle import static_wheel_load
 from freqrail.result import confirmation
-from freqrail.result.axes import axis_label, axis_unit, first_failures, swept
+from freqrail.result.axes import axis_label, axis_unit, first_failures, sampled, swept
 from freqrail.result.points import Point, confirmed_point
+from freqrail.result.variants import models_of
 from freqrail.solver.modes import modes
 from freqrail.sweep.off_grid import find
 from freqrail.text import number, printable
@@ -138,6 +141,20 @@ def case_axes(case: Case) -> list[Record]:
     ]
 
 
+def case_samples(case: Case) -> list[Record]:
+    """What is sampled in a case: name, smallest, largest, unit."""
+    columns = case.samples.columns if case.samples else ()
+    return [
+        {
+            "sampled": column.name,
+            "smallest": float(column.values.min()),
+            "largest": float(column.values.max()),
+            "unit": column.unit,
+        }
+        for column in columns
+    ]
+
+
 def mode_records(case: Case) -> list[Record]:
     """The modes of a case's scalars, with the traditional model's frequency and damping beside each."""
     rigid = list(modes(case.vehicle.traditional()))
@@ -175,12 +192,21 @@ def mode_records(case: Case) -> list[Record]:
 _IN_RESPONSE_UNITS = ("RMS", "rigid_joints", "smallest", "largest", "simulated", "interval_low", "interval_high")
 
 
-def in_shown_units(records: Sequence[Record]) -> list[Record]:
-    """Records of a result's variables as people read them: in mm rather than m, and without the variable's name."""
+def _response(variable: str) -> Response:
+    """The response of which a variable, of any model, is the RMS."""
+    return RESPONSES[max((name for name in RESPONSES if variable.endswith(f"{name}_rms")), key=len)]
+
+
+def in_shown_units(records: Sequence[Record], variants: Sequence[str] = ()) -> list[Record]:
+    """Records of a result's variables as people read them: in mm rather than m, and without the variable's name.
+
+    variants: names of those whose numbers have columns of their own, see `_columns`.
+    """
     shown = []
     for record in records:
-        response = RESPONSES[record["variable"].removeprefix(TWIN).removesuffix("_rms")]
-        scaled = {key: record[key] * response.shown_scale for key in _IN_RESPONSE_UNITS if key in record}
+        response = _response(record["variable"])
+        columns = (*_IN_RESPONSE_UNITS, *(f"{name}_RMS" for name in variants))
+        scaled = {key: record[key] * response.shown_scale for key in columns if key in record}
         shown.append({k: v for k, v in record.items() if k != "variable"} | scaled | {"unit": response.shown_unit})
     return shown
 
@@ -191,9 +217,9 @@ def in_shown_units(records: Sequence[Record]) -> list[Record]:
 def result_ranges(dataset: xr.Dataset) -> list[Record]:
     """Smallest and largest RMS of each response over the grid, and the largest error estimate."""
     records: list[Record] = []
-    for prefix, words in PREFIXES.items():
+    for model in models_of(dataset):
         for name, response in RESPONSES.items():
-            variable = f"{prefix}{name}_rms"
+            variable = f"{model.prefix}{name}_rms"
             if variable not in dataset:
                 continue
             values, error = dataset[variable].values, dataset[f"{variable}_relative_error"].values
@@ -202,7 +228,7 @@ def result_ranges(dataset: xr.Dataset) -> list[Record]:
                 {
                     "variable": variable,
                     "response": response.long_name,
-                    "model": words.split(",")[0].replace("model with damper joints", "joints").split(" ")[0],
+                    "model": model.name or "joints",
                     "smallest": float(values[has].min()) if has.any() else math.nan,
                     "largest": float(values[has].max()) if has.any() else math.nan,
                     "unit": response.unit,
@@ -226,6 +252,19 @@ def result_axes(dataset: xr.Dataset) -> list[Record]:
     ]
 
 
+def result_samples(dataset: xr.Dataset) -> list[Record]:
+    """What varies along the samples of a result: name, smallest, largest, unit."""
+    return [
+        {
+            "sampled": name,
+            "smallest": float(dataset[name].values.min()),
+            "largest": float(dataset[name].values.max()),
+            "unit": axis_unit(dataset, name),
+        }
+        for name in sampled(dataset)
+    ]
+
+
 def result_tables(dataset: xr.Dataset) -> list[str]:
     """The axes and the ranges of a result as tables."""
     axes = [
@@ -233,13 +272,14 @@ def result_tables(dataset: xr.Dataset) -> list[str]:
         | {end: axis_label(dataset, axis["axis"], at) for end, at in (("first", 0), ("last", -1))}
         for axis in result_axes(dataset)
     ]
-    return [table(records) for records in (axes, in_shown_units(result_ranges(dataset))) if records]
+    parts = (axes, result_samples(dataset), in_shown_units(result_ranges(dataset)))
+    return [table(records) for records in parts if records]
 
 
 def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list[str]]:
     """One point as facts to print as JSON and as lines of text; one that the grid lacks is computed anew, and said so.
 
-    Where it is, what has no result and why if so, and RMS with and without joints at every position.
+    Where it is, what has no result and why if so, and the RMS of all models at every position.
     """
     found = find(dataset, point)
     dataset, indices = found.dataset, found.index
@@ -249,8 +289,13 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         "computed_anew": list(found.anew),
     }
     where = ", ".join(found.label(name) for name in indices)
-    lines = [where, *filter(None, [found.note])]
-    for prefix, words in PREFIXES.items():
+    lines = [where, *filter(None, [_sample_text(dataset, indices), found.note])]
+    if sampled(dataset):
+        facts["sampled"] = {name: float(dataset[name].values[indices[SAMPLE]]) for name in sampled(dataset)}
+        facts["units"] |= {name: axis_unit(dataset, name) for name in sampled(dataset)}
+    models = models_of(dataset)
+    for model in models:
+        prefix = model.prefix
         flags = dataset[f"{prefix}status"]
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
         facts[f"{prefix}status"] = str(flags.attrs["flag_meanings"]).split()[status]
@@ -258,32 +303,46 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
             stored = [name for name in RESPONSES if f"{prefix}{name}_rms" in dataset]
             lacking = [name for name in stored if _lacks(dataset[f"{prefix}{name}_rms"], indices)]
             of = f" for {', '.join(lacking)}" if lacking != stored else ""
-            lines.append(f"{words}: no result{of}, status {facts[f'{prefix}status']}")
+            lines.append(f"{model.words}: no result{of}, status {facts[f'{prefix}status']}")
     records: list[Record] = []
     for name, response in RESPONSES.items():
         if f"{name}_rms" not in dataset:
             continue
         values = {}
-        for key in (f"{name}_rms", f"{TWIN}{name}_rms", f"{name}_rms_relative_error"):
+        for key in (*(f"{model.prefix}{name}_rms" for model in models), f"{name}_rms_relative_error"):
             array = dataset[key]
             values[key] = np.atleast_1d(array.isel({k: i for k, i in indices.items() if k in array.dims}).values)
         # a part of a result may hold some of the positions
         labels = np.atleast_1d(dataset[response.dimension].values).tolist() if response.dimension else [""]
         for place, label in enumerate(labels):
-            joint, rigid, error = (float(v[place]) for v in values.values())
+            own, *others, error = (float(v[place]) for v in values.values())
+            columns = [_columns(variant) for variant in models[1:]]
             records.append(
                 {
                     "variable": f"{name}_rms",
                     "response": response.long_name,
                     "at": str(label) if response.dimension != "axle" else f"axle {label}",
-                    "RMS": joint,
-                    "rigid_joints": rigid,
+                    "RMS": own,
+                    **{key: other for (key, _), other in zip(columns, others, strict=True)},
                     "unit": response.unit,
-                    "difference_percent": 100 * (joint / rigid - 1),
+                    **{key: 100 * (own / other - 1) for (_, key), other in zip(columns, others, strict=True)},
                     "relative_error": error,
                 }
             )
-    return facts | {"numbers": records}, [*lines, table(in_shown_units(records))]
+    shown = in_shown_units(records, [variant.name for variant in models[1:]])
+    return facts | {"numbers": records}, [*lines, table(shown)]
+
+
+def _sample_text(dataset: xr.Dataset, indices: Mapping[str, int]) -> str:
+    """What is sampled, as a line of text; "" if nothing is."""
+    return ", ".join(f"{name} = {axis_label(dataset, name, indices[SAMPLE])}" for name in sampled(dataset))
+
+
+def _columns(variant: Variant) -> tuple[str, str]:
+    """The columns of a variant's RMS at a point and of the vehicle's difference from it."""
+    if variant.name == TRADITIONAL.name:
+        return "rigid_joints", "difference_percent"
+    return f"{variant.name}_RMS", f"difference_percent_from_{variant.name}"
 
 
 def _lacks(array: xr.DataArray, indices: Mapping[str, int]) -> bool:
@@ -361,7 +420,8 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     else:
         words = f"{count}: all stand"
     lines += [words, *(f"  {line}" for line in missing)]
-    axes = [str(name) for name in dataset.coords if name in SWEEPABLE and dataset[name].dims == ("point",)]
+    known = (*SWEEPABLE, SAMPLE)
+    axes = [str(name) for name in dataset.coords if name in known and dataset[name].dims == ("point",)]
     facts = {
         "title": head[0],
         "conditions": head[1],

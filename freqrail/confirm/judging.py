@@ -13,9 +13,8 @@ from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import statistics
 from freqrail.confirm.references import References
 from freqrail.confirm.run import Run
-from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
-from freqrail.model.responses import PREFIXES, RESPONSES, series_count
+from freqrail.model.responses import RESPONSES, series_count
 from freqrail.result import verdicts
 from freqrail.result.confirmation import series_of
 
@@ -91,7 +90,7 @@ def _differences(
 
 def by_model(run: Run, tolerance: Mapping[str, float]) -> NDArray[np.float64]:
     """What the integrators of a run are allowed, [model, 1]."""
-    return np.array([[tolerance[confirm_setup.integrator_of(run.setups[0], model)]] for model in MODELS])
+    return np.array([[tolerance[confirm_setup.integrator_of(run.setups[0], model)]] for model in run.labels_of_models])
 
 
 def _spectral_differences(
@@ -109,9 +108,9 @@ def _spectral_differences(
 def _stored(run: Run, kind: str) -> NDArray[np.float64]:
     """The result's own numbers at the points, "rms" [point, model, series] or "psd" [..., frequency]; NaN for none."""
     last = run.frequency.shape if kind == "psd" else ()
-    rows = np.full((len(run.points), len(MODELS), series_count(run.names), *last), np.nan)
+    rows = np.full((len(run.points), len(run.models), series_count(run.names), *last), np.nan)
     for name, part in series_of(run.names).items():
-        for model, prefix in enumerate(PREFIXES):
+        for model, prefix in enumerate(each.prefix for each in run.models):
             if f"{prefix}{name}_{kind}" in run.dataset:
                 variable = run.dataset[f"{prefix}{name}_{kind}"]
                 for point, place in enumerate(run.places):

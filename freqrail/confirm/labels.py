@@ -1,7 +1,8 @@
 """A confirmation as a labelled dataset; `result.confirmation` reads it.
 
-Dimensions: point, model (joint, traditional), the position of a response, record; series for the verdicts, which are
-of every response that the result holds. Swept parameters are coordinates of the points, in the units of the result.
+Dimensions: point, model (joint, and the variants: traditional), the position of a response, record; series for the
+verdicts, which are of every response that the result holds. Swept parameters are coordinates of the points, in the
+units of the result.
 """
 
 from __future__ import annotations
@@ -18,18 +19,19 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import Axis
 from freqrail.case.quantities import unit_factor
+from freqrail.case.samples import SAMPLE
 from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import statistics
 from freqrail.confirm.judging import Judgement, by_model, judge
 from freqrail.confirm.references import References
 from freqrail.confirm.run import Run, told_of
-from freqrail.confirm.setup import MODELS
 from freqrail.confirm.simulation import Simulation
 from freqrail.model.band import band_text
 from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import RESPONSES
+from freqrail.model.variants import DEFAULT
 from freqrail.result import verdicts
-from freqrail.result.axes import grid_axis, swept
+from freqrail.result.axes import SAMPLE_NAME, grid_axis, sample_names, sampled, swept
 from freqrail.result.confirmation import CHECKS, series_labels, series_of
 from freqrail.result.content import content_digest, whole
 from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates
@@ -238,7 +240,7 @@ def _padded(arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     coordinates: dict[str, Any] = {
         "point": ("point", np.arange(1, len(run.points) + 1, dtype=np.int32), {"long_name": "confirmed grid point"}),
-        "model": ("model", np.array(MODELS), {"long_name": "with damper joints, or traditional with rigid ones"}),
+        "model": ("model", np.array(run.labels_of_models), {"long_name": _models_text(run)}),
         "series": ("series", np.array(series_labels(run.names)), {"long_name": "response and position"}),
         "wavelength_range": ("wavelength_range", np.array(RANGES), {"long_name": "range of wavelengths of the track"}),
         "record": (
@@ -258,7 +260,9 @@ def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
             {"units": "s", "long_name": "time from the start of the measured period"},
         ),
     }
-    for name in swept(run.dataset):
+    if SAMPLE in swept(run.dataset):
+        coordinates |= _samples_of_points(run)
+    for name in (name for name in (*swept(run.dataset), *sampled(run.dataset)) if name != SAMPLE):
         for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case.masses).items():
             coordinates[key] = ("point", values, described)
     coordinates |= scalar_coordinates(run.case, run.band)
@@ -266,12 +270,29 @@ def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     return coordinates
 
 
+def _models_text(run: Run) -> str:
+    if run.models[1:] == DEFAULT:
+        return "with damper joints, or traditional with rigid ones"
+    return "; ".join(f"{label}: {model.words}" for label, model in zip(run.labels_of_models, run.models, strict=True))
+
+
+def _samples_of_points(run: Run) -> dict[str, Any]:
+    """The number, and the name, of every point's sample."""
+    numbers = [int(place.dataset[SAMPLE].values[place.index[SAMPLE]]) for place in run.places]
+    found = {SAMPLE: ("point", np.array(numbers, dtype=np.int32), run.dataset[SAMPLE].attrs)}
+    if sample_names(run.dataset):
+        names = [sample_names(place.dataset)[place.index[SAMPLE]] for place in run.places]
+        found[SAMPLE_NAME] = ("point", np.array(names), run.dataset[SAMPLE_NAME].attrs)
+    return found
+
+
 def _axis_of_points(run: Run, name: str) -> Axis:
     """A swept parameter's value at every point, in the result's unit whether the point is on its grid or not."""
     axis = grid_axis(run.dataset, name)
     factor = float(unit_factor(axis.unit)[0])
-    si = [grid_axis(place.dataset, name).si[place.index[name]] for place in run.places]
-    values = [si[n] / factor if place.anew else axis.values[place.index[name]] for n, place in enumerate(run.places)]
+    along = SAMPLE if name in sampled(run.dataset) else name
+    si = [grid_axis(place.dataset, name).si[place.index[along]] for place in run.places]
+    values = [si[n] / factor if place.anew else axis.values[place.index[along]] for n, place in enumerate(run.places)]
     return replace(axis, values=np.array(values), si=np.array(si))
 
 
@@ -292,7 +313,9 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
         "seed": whole(setup.seed),
         "realisations": whole(setup.realisations),
         "duration_s": setup.period,
-        "integrator": "; ".join(f"{model}: {confirm_setup.integrator_of(setup, model)}" for model in MODELS),
+        "integrator": "; ".join(
+            f"{model}: {confirm_setup.integrator_of(setup, model)}" for model in run.labels_of_models
+        ),
         "tolerances": f"rk45 and radau: rtol {accuracy.relative:g}, smaller where a mode in the band is damped by less "
         f"than {confirm_setup.WELL_DAMPED:g}, atol the same share of a state's RMS, longest step 1/"
         f"{confirm_setup.STEPS_A_PERIOD} of the highest line's period; newmark: {accuracy.substeps} steps a sample of "

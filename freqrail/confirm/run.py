@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import SAME, Axis
 from freqrail.case.case import Case
-from freqrail.case.parameters import PARAMETERS, Parameter, suggestion
+from freqrail.case.parameters import JOINTS, PARAMETERS, Parameter, suggestion
 from freqrail.case.quantities import parse_pair, parse_quantity
+from freqrail.case.samples import SAMPLE
 from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import simulation, time_side
 from freqrail.confirm.integrators import INTEGRATORS
@@ -25,6 +26,8 @@ from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model import responses
 from freqrail.model.band import Band
 from freqrail.model.responses import RESPONSES
+from freqrail.model.variants import Variant
+from freqrail.model.vehicle import Vehicle
 from freqrail.result.axes import grid_axis
 from freqrail.result.confirmation import is_confirmation
 from freqrail.result.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
@@ -46,18 +49,25 @@ GivenPoints = str | Point | Sequence[str | Point]
 class Run:
     """What a confirmation is to do: the points, how each is simulated, where they lie on the result's grid.
 
-    names: the responses that the result holds. band: the one confirmed over. places: where the numbers of each point
-    are, in the result or computed anew; labels: the same in words.
+    names: the responses that the result holds. models: the vehicle itself and the variants that are simulated. band:
+    the one confirmed over. places: where the numbers of each point are, in the result or computed anew; labels: the
+    same in words.
     """
 
     case: Case
     dataset: xr.Dataset
     names: tuple[str, ...]
+    models: tuple[Variant, ...]
     band: Band
     places: tuple[Place, ...]
     labels: tuple[str, ...]
     points: tuple[time_side.OperatingPoint, ...]
     setups: tuple[Setup, ...]
+
+    @property
+    def labels_of_models(self) -> tuple[str, ...]:
+        """What the models are called, in their order."""
+        return tuple(model.name or time_side.OWN for model in self.models)
 
     @property
     def frequency(self) -> NDArray[np.float64]:
@@ -121,16 +131,29 @@ def prepare_run(
     names = tuple(name for name in RESPONSES if f"{name}_rms" in dataset)
     places = _places(dataset, case, at)
     labels = tuple(_label_of(place) for place in places)
-    points = tuple(_point(place) for place in places)
+    models = _models(case)
+    points = tuple(_point(place, models) for place in places)
+    simulated = tuple(model.name or time_side.OWN for model in models)
+    rigid = tuple(model.name for model in models if all(math.isinf(model.values.get(joint, 0.0)) for joint in JOINTS))
     setups = []
     for label, point in zip(labels, points, strict=True):
-        setup = Setup(_limits(chosen, point.speed), period, realisations, integrator, start, seed, names=names)
+        setup = Setup(
+            _limits(chosen, point.speed),
+            period,
+            realisations,
+            integrator,
+            start,
+            seed,
+            names=names,
+            models=simulated,
+            rigid=rigid,
+        )
         try:
             confirm_setup.check_setup(point, setup)
         except InputError as fault:
             raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
         setups.append(setup)
-    return Run(case, dataset, names, chosen, tuple(places), labels, points, tuple(setups))
+    return Run(case, dataset, names, models, chosen, tuple(places), labels, points, tuple(setups))
 
 
 def _limits(band: Band, speed: float) -> tuple[float, float]:
@@ -222,7 +245,7 @@ def _places(dataset: xr.Dataset, case: Case, at: GivenPoints | None) -> list[Pla
         except InputError as fault:
             problems += fault.problems
             continue
-        key = _point(place).key
+        key = _point(place, ()).key
         if key in keys:
             problems.append(f"{origin} the same point as point {keys.index(key) + 1}; give each once")
         keys.append(key)
@@ -259,16 +282,41 @@ def _own_points(dataset: xr.Dataset, case: Case) -> list[tuple[str, Point | None
     return [*held] or [*own] or [("--at", None)]
 
 
-def _point(place: Place) -> time_side.OperatingPoint:
+def _models(case: Case) -> tuple[Variant, ...]:
+    """The vehicle itself and the variants that can be simulated beside it: with wheels at its places and its speed."""
+    models = []
+    for model in case.models:
+        moved = sorted(model.fixed & {"speed", "half_bogie_spacing", "half_wheelbase"})
+        if moved:
+            warnings.warn(
+                f"confirm: {model.words}: left out: it fixes {', '.join(moved)}, and the models of a confirmation "
+                "share the track under their wheels",
+                FreqrailWarning,
+                stacklevel=4,
+            )
+        else:
+            models.append(model)
+    return tuple(models)
+
+
+def _point(place: Place, models: tuple[Variant, ...]) -> time_side.OperatingPoint:
+    """A point with the vehicles of the models, the first of which is the vehicle itself."""
     case = result_case(place.dataset)
     axes = tuple(_axis_of(place.dataset, axis) for axis in case.axes)
-    vehicles = replace(case, axes=axes).vehicles()
-    vehicle = vehicles.at(tuple(place.index[axis.name] for axis in axes if axis.name != "speed"))
+
+    def vehicle_of(own: Case) -> Vehicle:
+        return own.vehicles().at(tuple(place.index[axis.name] for axis in own.axes if axis.name != "speed"))
+
+    case = replace(case, axes=axes)
+    vehicle = vehicle_of(case)
+    twins = tuple((model.name, vehicle_of(case.of(model))) for model in models[1:])
     values = {name: quantity.value for name, quantity in case.quantities.items()}
-    values |= {name: float(grid_axis(place.dataset, name).si[i]) for name, i in place.index.items()}
+    values |= {name: float(grid_axis(place.dataset, name).si[i]) for name, i in place.index.items() if name != SAMPLE}
+    for column in case.samples.columns if case.samples else ():  # its values, not its number, say what a sample is
+        values[column.name] = float(grid_axis(place.dataset, column.name).si[place.index[SAMPLE]])
     # twelve digits: the streams must not hang on the last bit of a conversion of units
     key = ", ".join(f"{name}={values[name]:.12g}" for name in sorted(values))
-    return time_side.OperatingPoint(vehicle, values["speed"], case.spectrum, key)
+    return time_side.OperatingPoint(vehicle, values["speed"], case.spectrum, key, twins)
 
 
 def _axis_of(dataset: xr.Dataset, axis: Axis) -> Axis:

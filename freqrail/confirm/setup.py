@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from freqrail.confirm.crosschecks import state_response
 from freqrail.confirm.integrators import Accuracy
-from freqrail.confirm.time_side import OperatingPoint, TimeSide, time_side, vehicles
+from freqrail.confirm.time_side import OWN, OperatingPoint, TimeSide, time_side, vehicles
 from freqrail.errors import InputError
 from freqrail.model.responses import PAPER, series_count
 from freqrail.model.spectrum import frequency_psd
+from freqrail.model.variants import DEFAULT, TRADITIONAL
 from freqrail.solver.vehicle_poles import half_vehicle_poles
 
-MODELS = ("joint", "traditional")
+MODELS = (OWN, *(variant.name for variant in DEFAULT))
+"""The models of a confirmation of the default variants."""
 
 
 SOLVER_TOLERANCE = {"rk45": 2e-5, "exponential": 2e-5, "radau": 2e-5, "newmark": 1e-3}
@@ -75,7 +77,8 @@ class Setup:
     limits: the band, Hz. period: length of a record, s. realisations: Gaussian records, beside one of fixed
     amplitudes. integrator: of `integrators.INTEGRATORS`. start: "rest" or "steady". seed: see `track_record.stream`.
     accuracy: None for the defaults. interpolation: of the track between samples, "cubic" (or, to show what
-    it does, "linear"). names: of the responses. finer: times the track's samples that will do.
+    it does, "linear"). names: of the responses. finer: times the track's samples that will do. models: as
+    `time_side.vehicles` has them; rigid: those without joints, which newmark serves.
     """
 
     limits: tuple[float, float]
@@ -88,6 +91,8 @@ class Setup:
     interpolation: str = "cubic"
     names: tuple[str, ...] = PAPER
     finer: int = 1
+    models: tuple[str, ...] = MODELS
+    rigid: tuple[str, ...] = (TRADITIONAL.name,)
 
     def tighter(self) -> Setup:
         """The same ten times tighter: tolerances; the steps of a method of second order; else the track's samples."""
@@ -101,7 +106,7 @@ class Setup:
 
 
 def slowest_decay(point: OperatingPoint, highest: float) -> float:
-    """Decay rate, 1/s, of the slowest mode of either model that a band up to `highest` [Hz] strikes."""
+    """Decay rate, 1/s, of the slowest mode of any model that a band up to `highest` [Hz] strikes."""
     return float(np.min(-_struck(point, highest).real))
 
 
@@ -120,7 +125,7 @@ def accuracy(point: OperatingPoint, setup: Setup) -> Accuracy:
 
 
 def _struck(point: OperatingPoint, highest: float) -> NDArray[np.complex128]:
-    """Poles of both models, rad/s, that a band up to `highest` [Hz] strikes."""
+    """Poles of all models, rad/s, that a band up to `highest` [Hz] strikes."""
     both = np.concatenate([half_vehicle_poles(vehicle) for vehicle in vehicles(point).values()])
     if not np.isfinite(both).all():
         raise InputError("the vehicle's numbers are too far apart for double precision: nothing to simulate")
@@ -214,14 +219,16 @@ def integrator_of(setup: Setup, model: str) -> str:
 
 def tolerance(setup: Setup) -> NDArray[np.float64]:
     """Largest solver error, relative, that the integrators of a setup are allowed, [model, 1]."""
-    return np.array([[SOLVER_TOLERANCE[integrator_of(setup, model)]] for model in MODELS])
+    return np.array([[SOLVER_TOLERANCE[integrator_of(setup, model)]] for model in setup.models])
 
 
 BATCH = 16  # records that are columns of one state
 
 
 def groups(setup: Setup) -> list[tuple[str, tuple[str, ...]]]:
-    """(integrator, models that it runs together): as in the paper, newmark is for the traditional model alone."""
+    """(integrator, models that it runs together): as in the paper, newmark is for models without joints alone."""
     if setup.integrator == "newmark":
-        return [("rk45", ("joint",)), ("newmark", ("traditional",))]
-    return [(setup.integrator, MODELS)]
+        jointed = tuple(model for model in setup.models if model not in setup.rigid)
+        rigid = tuple(model for model in setup.models if model in setup.rigid)
+        return [(integrator, models) for integrator, models in (("rk45", jointed), ("newmark", rigid)) if models]
+    return [(setup.integrator, setup.models)]

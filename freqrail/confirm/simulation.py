@@ -25,7 +25,6 @@ from freqrail.confirm.setup import (
     BATCH,
     HISTORY,
     KEPT_EVERY,
-    MODELS,
     PSD_LINES,
     RAMP,
     Setup,
@@ -161,7 +160,7 @@ def examine(
     lines = spectral_lines(point.spectrum, point.speed, setup.limits, setup.period)
     records = amplitudes(point, setup)
     power = line_power(point, setup.names, lines.frequency)
-    squares = np.full((len(MODELS), series_count(setup.names), len(records)), np.nan)
+    squares = np.full((len(setup.models), series_count(setup.names), len(records)), np.nan)
     failures: dict[str, str] = {}
     first = None
     for begin in range(0, len(records), BATCH):
@@ -247,9 +246,9 @@ def run_records(setup: Setup, prepared: Prepared, progress: SecondsProgress) -> 
     """Mean squares [model, series, record], all responses of the first record [model, series, m], and failures."""
     kept = prepared.track.samples // prepared.stride
     records = prepared.track.coefficients.shape[2]
-    count = len(prepared.side.readout[MODELS[0]])
-    squares = np.full((len(MODELS), count, records), np.nan)
-    responses = np.full((len(MODELS), count, kept), np.nan)
+    count = len(prepared.side.readout[setup.models[0]])
+    squares = np.full((len(setup.models), count, records), np.nan)
+    responses = np.full((len(setup.models), count, kept), np.nan)
     failures: dict[str, str] = {}
     waiting = groups(setup)
     while waiting:
@@ -257,7 +256,7 @@ def run_records(setup: Setup, prepared: Prepared, progress: SecondsProgress) -> 
         model, start, size = _stacked(prepared, names)
         rows = block_diag(*(prepared.side.readout[name] for name in names))
         feedthrough = np.vstack([prepared.side.feedthrough[name] for name in names])
-        at = [MODELS.index(name) for name in names]
+        at = [setup.models.index(name) for name in names]
         total = np.zeros((len(rows), records))
         done = 0
         try:

@@ -1,8 +1,8 @@
-"""The time side of a point: state spaces of both models, and what reads the responses off them."""
+"""The time side of a point: state spaces of its models, and what reads the responses off them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +12,25 @@ from freqrail.model.equations import StateSpace, System, state_space
 from freqrail.model.inputs import wheel_lags
 from freqrail.model.responses import PAPER
 from freqrail.model.spectrum import Spectrum
+from freqrail.model.variants import DEFAULT
 from freqrail.model.vehicle import DEGREES_OF_FREEDOM, Vehicle, half_vehicle
+
+OWN = "joint"
+"""What a confirmation calls the vehicle itself; variants go by their names."""
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """A grid point, SI units. key: its values as text, which its random numbers are keyed by."""
+    """A grid point, SI units. key: its values as text, which its random numbers are keyed by.
+
+    twins: what the variants make of the vehicle, (name, vehicle) each; None for the default ones.
+    """
 
     vehicle: Vehicle
     speed: float
     spectrum: Spectrum
     key: str
+    twins: tuple[tuple[str, Vehicle], ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -81,10 +89,13 @@ def time_side(point: OperatingPoint, names: tuple[str, ...] = PAPER) -> TimeSide
 
 
 def vehicles(point: OperatingPoint) -> dict[str, Vehicle]:
-    """The vehicle of a point by model."""
-    return {"joint": point.vehicle, "traditional": point.vehicle.traditional()}
+    """The vehicle of a point by model: its own and those of the variants."""
+    twins = point.twins
+    if twins is None:
+        twins = tuple((variant.name, replace(point.vehicle, **variant.values)) for variant in DEFAULT)
+    return {OWN: point.vehicle, **dict(twins)}
 
 
 def line_power(point: OperatingPoint, names: tuple[str, ...], frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """|T|^2 of the named responses of both models at `frequency` [K] in Hz, from the FRFs: [model, series, K]."""
+    """|T|^2 of the named responses of all models at `frequency` [K] in Hz, from the FRFs: [model, series, K]."""
     return np.array([transfer_power(vehicle, names, point.speed, frequency) for vehicle in vehicles(point).values()])

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from freqrail.figures.style import (
     BLUE,
     DEEPEST,
-    TRADITIONAL,
+    GREEN,
+    ORANGE,
+    PINK,
     VERMILION,
     WHEELS,
     WITH_JOINTS,
@@ -29,15 +31,16 @@ from freqrail.figures.style import (
     new_figure,
     panels,
     psd_label,
+    variant_styles,
 )
-from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, TWIN
+from freqrail.model.responses import DIMENSIONS, RESPONSES
 from freqrail.result.confirmation import band_note, confirmed_names, is_anew, relative
+from freqrail.result.variants import models_of
 from freqrail.result.verdicts import FAILED, OUTSIDE
 
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
 _PANELS_A_ROW, _POINTS_A_FIGURE = 3, 9
-_COLOURS = {"joint": BLUE, "traditional": "black"}
-_WORDS = {"joint": PREFIXES[""], "traditional": PREFIXES[TWIN]}
+_COLOURS = (BLUE, "black", GREEN, PINK, ORANGE)  # of the vehicle itself and of its variants; of more they begin anew
 _SMALLEST = 1e-14  # solver errors below this are rounding, and drawn there
 _DOTS: dict[str, Any] = {
     "marker": "o",
@@ -47,7 +50,7 @@ _DOTS: dict[str, Any] = {
     "linestyle": "none",
 }
 """Simulated spectra: open, so that a model's dots do not cover the other's."""
-_OFFSET = {"joint": -0.18, "traditional": 0.18}  # of a row, so that the models' bars do not cover each other
+_APART = 0.36  # of a row, between the first model's bars and the last one's, so that they do not cover each other
 
 
 def drawings(dataset: xr.Dataset, point: int | None = None) -> dict[str, Callable[[], Figure]]:
@@ -92,18 +95,19 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
     figure = _figure(_panels_height(dataset), dataset, point, "simulated responses to record 0")
     for name, ax in _panels(figure, dataset):
         response = RESPONSES[name]
-        for model, style in _line_styles().items():
+        for model, style in _line_styles(dataset).items():
             history = _first(one[f"{name}_history"], response.dimension, model)
             ax.plot(one["time"].values[kept], response.shown_scale * history[kept], **style)
         ax.set_xlim(0, _SHOWN)
         ax.set(xlabel="time [s]", ylabel=f"{name.split('_')[-1]} [{response.shown_unit}]")
-    legend(figure, [Line2D([], [], **style, label=_WORDS[model]) for model, style in _line_styles().items()])
+    words = _words(dataset)
+    legend(figure, [Line2D([], [], **style, label=words[model]) for model, style in _line_styles(dataset).items()])
     return figure
 
 
 def _spectra(dataset: xr.Dataset, point: int) -> Figure:
     """PSDs of the simulated responses as dots over the analytic ones."""
-    one = dataset.isel(point=point)
+    one, colours = dataset.isel(point=point), _colours(dataset)
     figure = _figure(
         _panels_height(dataset),
         dataset,
@@ -113,15 +117,15 @@ def _spectra(dataset: xr.Dataset, point: int) -> Figure:
     for name, ax in _panels(figure, dataset):
         response = RESPONSES[name]
         top = 0.0
-        for model, colour in _COLOURS.items():
+        for m, (model, colour) in enumerate(colours.items()):
             scale = response.shown_scale**2
             analytic, simulated = (
                 scale * _first(one[f"{name}_psd_{side}_domain"], response.dimension, model)
                 for side in ("frequency", "time")
             )
             ax.plot(one["frequency"].values, analytic, color=colour, linewidth=0.8)
-            # every second line of either model, so that the curves stay visible
-            dots = slice(0 if model == "joint" else 1, None, 2)
+            # every second line of either of two models, so that the curves stay visible
+            dots = slice(m, None, len(colours))
             ax.plot(one["frequency"].values[dots], simulated[dots], **_DOTS, color=colour)
             top = max(top, float(np.nanmax(analytic)))
         ax.set_xscale("log")
@@ -130,17 +134,33 @@ def _spectra(dataset: xr.Dataset, point: int) -> Figure:
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.set(xlabel="frequency $f$ [Hz]", ylabel=psd_label(response.shown_unit))
     both = _DOTS | {"linestyle": "-", "linewidth": 0.8}
-    handles = [Line2D([], [], **both, color=c, label=_WORDS[m]) for m, c in _COLOURS.items()]
+    handles = [Line2D([], [], **both, color=colours[m], label=words) for m, words in _words(dataset).items()]
     legend(figure, handles)
     return figure
 
 
-def _line_styles() -> dict[str, dict[str, Any]]:
-    """The traditional model thin and on top, so that both are seen where they agree."""
-    return {
-        "joint": {**WITH_JOINTS, "linewidth": 1.3},
-        "traditional": {**TRADITIONAL, "linewidth": 0.6},
-    }
+def _line_styles(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """By model; variants thin and on top, so that all are seen where they agree."""
+    own, *variants = _words(dataset)
+    thin = [{**style, "linewidth": 0.6} for style in variant_styles(len(variants))]
+    return {own: {**WITH_JOINTS, "linewidth": 1.3}, **dict(zip(variants, thin, strict=True))}
+
+
+def _words(dataset: xr.Dataset) -> dict[str, str]:
+    """The models of a confirmation, by the label of the dimension, in words."""
+    known = {model.name: model.words for model in models_of(dataset)}
+    return {str(label): known.get(str(label), known[""]) for label in dataset["model"].values}
+
+
+def _colours(dataset: xr.Dataset) -> dict[str, str]:
+    """The models' colours, by the label of the dimension."""
+    return {label: _COLOURS[m % len(_COLOURS)] for m, label in enumerate(_words(dataset))}
+
+
+def _offset(dataset: xr.Dataset, model: int) -> float:
+    """Where in a row the bars of a model stand."""
+    last = dataset.sizes["model"] - 1
+    return _APART * (model / last - 0.5) if last else 0.0
 
 
 def _first(variable: xr.DataArray, dimension: str, model: str) -> np.ndarray:
@@ -174,18 +194,18 @@ def _intervals(dataset: xr.Dataset, points: Sequence[int]) -> Figure:
     figure, rows = _rows(dataset, points, "simulated RMS against the frequency domain's (line at 0)")
     for place, ax in rows:
         ax.axvline(0, color="0.35", linewidth=0.8)
-        for m, model in enumerate(dataset["model"].values):
-            y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
+        for m, colour in enumerate(_colours(dataset).values()):
+            y = np.arange(dataset.sizes["series"]) + _offset(dataset, m)
             at = {key: array[place, m] for key, array in values.items()}
-            ax.hlines(y, at["verdict_low"], at["verdict_high"], color=_COLOURS[model], linewidth=0.7)
-            ax.hlines(y, at["interval_low"], at["interval_high"], color=_COLOURS[model], linewidth=2.4)
+            ax.hlines(y, at["verdict_low"], at["verdict_high"], color=colour, linewidth=0.7)
+            ax.hlines(y, at["interval_low"], at["interval_high"], color=colour, linewidth=2.4)
             outside = _outside(dataset, "statistical", place, m)
-            ax.plot(at["pooled"][~outside], y[~outside], "o", color="white", markeredgecolor=_COLOURS[model], ms=3.5)
+            ax.plot(at["pooled"][~outside], y[~outside], "o", color="white", markeredgecolor=colour, ms=3.5)
             ax.plot(at["pooled"][outside], y[outside], "X", color=VERMILION, markersize=5)
         ax.set_xlabel("difference of the RMS [%]")
-    marked = any(_outside(dataset, "statistical", place, m).any() for place in points for m in range(len(_WORDS)))
+    marked = _any_outside(dataset, "statistical", points)
     bars = "bars: 95 % interval, thin lines: the simultaneous interval that decides"
-    _checked_legend(figure, bars, marked, "-")
+    _checked_legend(figure, dataset, bars, marked, "-")
     return figure
 
 
@@ -205,25 +225,30 @@ def _differences(dataset: xr.Dataset, points: Sequence[int], check: str) -> Figu
     figure, rows = _rows(dataset, points, what)
     for place, ax in rows:
         ax.set_xscale("log")
-        for m, model in enumerate(dataset["model"].values):
-            y = np.arange(dataset.sizes["series"]) + _OFFSET[model]
+        for m, colour in enumerate(_colours(dataset).values()):
+            y = np.arange(dataset.sizes["series"]) + _offset(dataset, m)
             outside = _outside(dataset, check, place, m)
-            ax.plot(errors[place, m][~outside], y[~outside], "o", color=_COLOURS[model], markersize=3.5)
+            ax.plot(errors[place, m][~outside], y[~outside], "o", color=colour, markersize=3.5)
             ax.plot(errors[place, m][outside], y[outside], "X", color=VERMILION, markersize=5)
-            ax.plot(allowed[place, m], y, "|", color=_COLOURS[model], markersize=6)
+            ax.plot(allowed[place, m], y, "|", color=colour, markersize=6)
         least = np.nanmin(errors[points], initial=1.0) / 2
         ax.set_xlim(least, 3 * max(float(np.nanmax(allowed[points])), float(np.nanmax(errors[points], initial=0.0))))
         ax.xaxis.set_major_locator(LogLocator(numticks=5))
         ax.xaxis.set_minor_locator(NullLocator())
         ax.set_xlabel("relative difference of the RMS")
-    marked = any(_outside(dataset, check, place, m).any() for place in points for m in range(len(_WORDS)))
-    _checked_legend(figure, "dashes: the largest difference allowed", marked, "none")
+    marked = _any_outside(dataset, check, points)
+    _checked_legend(figure, dataset, "dashes: the largest difference allowed", marked, "none")
     return figure
 
 
 def _outside(dataset: xr.Dataset, check: str, point: int, model: int) -> NDArray[np.bool_]:
     """Which series a check says "outside" or "failed" of: [series]."""
     return np.isin(dataset[f"verdict_{check}"].values[point, model], (OUTSIDE, FAILED))
+
+
+def _any_outside(dataset: xr.Dataset, check: str, points: Sequence[int]) -> bool:
+    models = range(dataset.sizes["model"])
+    return any(bool(_outside(dataset, check, place, m).any()) for place in points for m in models)
 
 
 def _rows(dataset: xr.Dataset, points: Sequence[int], what: str) -> tuple[Figure, list[tuple[int, Axes]]]:
@@ -243,11 +268,13 @@ def _rows(dataset: xr.Dataset, points: Sequence[int], what: str) -> tuple[Figure
     return figure, drawn
 
 
-def _checked_legend(figure: Figure, note: str, outside: bool, linestyle: Literal["-", "none"]) -> None:
+def _checked_legend(
+    figure: Figure, dataset: xr.Dataset, note: str, outside: bool, linestyle: Literal["-", "none"]
+) -> None:
     """A legend of the marks that there are. outside: whether any is; linestyle: of the bars through the marks."""
     marks = [
-        Line2D([], [], color=c, marker="o", markersize=3.5, linestyle=linestyle, label=_WORDS[m])
-        for m, c in _COLOURS.items()
+        Line2D([], [], color=colour, marker="o", markersize=3.5, linestyle=linestyle, label=words)
+        for colour, words in zip(_colours(dataset).values(), _words(dataset).values(), strict=True)
     ]
     if outside:
         marks.append(Line2D([], [], color=VERMILION, marker="X", linestyle="none", markersize=5, label="outside"))

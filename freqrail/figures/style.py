@@ -25,6 +25,7 @@ BLUE, ORANGE, GREEN, PINK, VERMILION = "#0072B2", "#E69F00", "#009E73", "#CC79A7
 WHEELS = (BLUE, ORANGE, GREEN, PINK)
 WITH_JOINTS = {"color": BLUE}
 TRADITIONAL = {"color": "black", "linestyle": "--"}
+_DASHES = ("--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)))  # of variants; of more they begin anew
 MARKERS = "osD^vP<X"
 FLATTEST = 0.1  # an RMS axis spans at least this share of its top, so that a flat line looks flat
 DEEPEST = 1e-8  # of its top, where a PSD axis ends: below lie only the dips of the wheelbase filter
@@ -65,6 +66,11 @@ def panels(figure: Figure, titles: Sequence[str], columns: int = 2) -> list[Axes
     for letter, title, ax in zip("abcdefghijklmnopqrstuvwxyz", titles, axes, strict=False):
         ax.set_title(f"({letter}) {title}")
     return axes[: len(titles)]
+
+
+def variant_styles(count: int) -> list[dict[str, Any]]:
+    """Lines of so many variants beside the vehicle's own; the first as `TRADITIONAL`."""
+    return [{**TRADITIONAL, "linestyle": _DASHES[k % len(_DASHES)]} for k in range(count)]
 
 
 def family(size: int) -> list[dict[str, Any]]:

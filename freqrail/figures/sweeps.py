@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from freqrail.case.case import Case
 from freqrail.case.parameters import JOINTS, PARAMETERS, SWEEPABLE
+from freqrail.case.samples import SAMPLE
 from freqrail.figures.style import (
     BLUE,
     DEEPEST,
     MARKERS,
-    TRADITIONAL,
     WITH_JOINTS,
     Style,
     handle,
@@ -36,11 +36,14 @@ from freqrail.figures.style import (
     not_too_steep,
     panels,
     psd_label,
+    variant_styles,
 )
 from freqrail.figures.style import family as family_styles
 from freqrail.model.band import band_limits
-from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES, TWIN, Response
-from freqrail.result.axes import axis_unit, grid_axis, swept
+from freqrail.model.responses import DIMENSIONS, RESPONSES, Response
+from freqrail.model.variants import BASE, Variant
+from freqrail.result.axes import axis_label, axis_unit, grid_axis, sampled, swept, swept_by
+from freqrail.result.variants import models_of, variants_of
 from freqrail.sweep.off_grid import ATTRIBUTE
 
 Selection = Mapping[str, int | NDArray[np.intp]]
@@ -69,15 +72,20 @@ def drawings(dataset: xr.Dataset) -> dict[str, Drawing]:
     """The figures that the axes of a dataset allow, by the stem of their file's name."""
     axes = [name for name in swept(dataset) if dataset.sizes[name] > 1]
     others = [name for name in axes if name != "speed"]
+    others.sort(key=lambda name: name == SAMPLE)  # last, as the axes of their own are what is looked for first
+    along = [name for name in others if name != SAMPLE or others == axes == [SAMPLE]]
     speed = "speed" if "speed" in axes else None
     drawings: dict[str, Drawing] = {}
     if speed and not others:
         drawings["rms-against-speed"] = Drawing((speed,), _curves, (speed, None))
     for name in others if speed else ():
         drawings[f"rms-against-speed-{name}"] = Drawing(("speed", name), _curves, ("speed", name))
-    for name in others:
+    for name in along:
         drawings[f"rms-against-{name}"] = Drawing((name, *([speed] if speed else [])), _curves, (name, speed))
-    for name in others if speed else ():
+    for name in along if SAMPLE in others and not speed else ():
+        if name != SAMPLE:
+            drawings[f"rms-against-{name}-{SAMPLE}"] = Drawing((name, SAMPLE), _curves, (name, SAMPLE))
+    for name in along if speed else ():
         if np.isfinite(dataset[name].values).sum() > 1:
             drawings[f"map-speed-{name}"] = Drawing(("speed", name), _map, (name,))
     if stored(dataset, "_psd"):
@@ -89,39 +97,50 @@ def drawings(dataset: xr.Dataset) -> dict[str, Drawing]:
 
 
 def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: str, family: str | None) -> Figure:
-    """RMS along one swept parameter, one line a value of `family`, beside the traditional model."""
+    """RMS along one swept parameter, one line a value of `family`, beside the variants."""
     where: dict[str, int | NDArray[np.intp]] = {**index, along: np.arange(dataset.sizes[along])}
     if family:
         where[family] = _spread(dataset.sizes[family], _SPEEDS if family == "speed" else _LINES)
     places = np.atleast_1d(where[family]) if family else np.zeros(1, np.intp)
-    # the traditional model has one line for all where the family's parameter does not touch it
-    own = family in dataset[f"{TWIN}status"].dims
+    variants = variants_of(dataset)
+    # a variant has one line for all where the family's parameter does not touch it
+    own = [family in swept_by(dataset, variant) for variant in variants]
     x = dataset[along].values
     styles: list[Style] = [*family_styles(len(places))] if family else [{"color": BLUE, "marker": MARKERS[0]}]
     if x.size > _MARKED:
         styles = [{**style, "marker": None} for style in styles]
-    dashed: list[Style] = [
-        {"color": style["color"] if own else "black", "linestyle": "--", "zorder": 2.5} for style in styles
+    dashed: list[list[Style]] = [
+        [{**one, "color": style["color"] if each else one["color"], "zorder": 2.5} for style in styles]
+        for one, each in zip(variant_styles(len(variants)), own, strict=True)
     ]
+    if along == SAMPLE:  # nothing lies between two samples
+        styles = [_marks(style, 0) for style in styles]
+        for k, variant in enumerate(variants):
+            if SAMPLE in swept_by(dataset, variant):
+                dashed[k] = [_marks(style, k + 1) for style in dashed[k]]
     order = [name for name in (family, along) if name]
     figure, drawn = _panels(dataset, "_rms", _caption(dataset, case, "_rms", where))
     for response, ax in drawn:
         with_joints = _drawn(dataset, response, "", "_rms", where, order).reshape(len(places), x.size)
-        traditional = _drawn(dataset, response, TWIN, "_rms", where, order)
         for line, style in zip(with_joints, styles, strict=True):
             _line(ax, x, line, style)
-        for line, style in zip(traditional if own else [traditional], dashed, strict=False):
-            if np.ndim(line):
-                _line(ax, x, line, style)
-            else:
-                ax.axhline(line, **style)
+        for variant, each, lines in zip(variants, own, dashed, strict=True):
+            values = _drawn(dataset, response, variant.prefix, "_rms", where, order)
+            for line, style in zip(values if each else [values], lines, strict=False):
+                if np.ndim(line):
+                    _line(ax, x, line, style)
+                else:
+                    ax.axhline(line, **style)
         _name_axis(ax, "x", dataset, along)
         ax.set_ylabel(f"RMS [{response.shown_unit}]")
         not_too_steep(ax)
     grey = {"color": "0.4"}
-    models = [handle({**dashed[0], **(grey if own else {})}, PREFIXES[TWIN])]
-    if own or not family:
-        models.insert(0, handle(grey if own else styles[0], PREFIXES[""]))
+    models = [
+        handle({**lines[0], **(grey if each else {})}, variant.words)
+        for variant, each, lines in zip(variants, own, dashed, strict=True)
+    ]
+    if any(own) or not family:
+        models.insert(0, handle(grey if family else styles[0], BASE.words))
     if np.isinf(x).any():
         mark = {
             "color": "0.4" if family else BLUE,
@@ -133,19 +152,25 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         models.append(handle(mark, "rigid joint, at the right edge"))
     if family:
         labels = _values(dataset, family, places)
-        values = [handle(style, label) for label, style in zip(labels, styles, strict=True)]
+        entries = [handle(style, label) for label, style in zip(labels, styles, strict=True)]
         size = dataset.sizes[family]
-        _legend(figure, models, values, _symbol(family) + (f" ({len(places)} of {size} values)" * (len(places) < size)))
+        some = f" ({len(places)} of {size} values)" if len(places) < size else ""
+        _legend(figure, models, entries, f"{_symbol(family)}{some}")
     else:
         _legend(figure, models)
     return figure
+
+
+def _marks(style: Style, model: int) -> Style:
+    """The style of a model's line as marks alone."""
+    return {**style, "linestyle": "none", "marker": MARKERS[model % len(MARKERS)]}
 
 
 def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -> Figure:
     """RMS over speed and another swept parameter as colours: a cell a grid point, grey where there is no result."""
     finite = np.flatnonzero(np.isfinite(dataset[name].values))
     where: dict[str, int | NDArray[np.intp]] = {**index, "speed": np.arange(dataset.sizes["speed"]), name: finite}
-    caption = _caption(dataset, case, "_rms", where, models=("",))
+    caption = _caption(dataset, case, "_rms", where, (BASE,))
     if finite.size < dataset.sizes[name]:
         caption.append("the rigid joint is not drawn")
     figure, drawn = _panels(dataset, "_rms", caption)
@@ -166,8 +191,10 @@ def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -
 
 
 def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figure:
-    """One-sided PSDs at one grid point, with and without joints."""
-    styles: dict[str, Style] = {"": WITH_JOINTS, TWIN: TRADITIONAL}
+    """One-sided PSDs at one grid point, of all models."""
+    models = models_of(dataset)
+    each: list[Style] = [WITH_JOINTS, *variant_styles(len(models) - 1)]
+    styles = {model.prefix: style for model, style in zip(models, each, strict=True)}
     figure, drawn = _panels(dataset, "_psd", _caption(dataset, case, "_psd", index))
     ends = _band_ends(dataset, case, index)
     for response, ax in drawn:
@@ -184,8 +211,8 @@ def _spectra(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> Figur
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.set_xlabel("frequency $f$ [Hz]")
         ax.set_ylabel(psd_label(response.shown_unit))
-    models = [handle(style, PREFIXES[prefix]) for prefix, style in styles.items()]
-    _legend(figure, [*models, *([handle(_BAND_END, "ends of the RMS's band at this speed")] if ends else [])])
+    handles = [handle(styles[model.prefix], model.words) for model in models]
+    _legend(figure, [*handles, *([handle(_BAND_END, "ends of the RMS's band at this speed")] if ends else [])])
     return figure
 
 
@@ -236,6 +263,8 @@ def _edges(values: NDArray[np.float64], name: str) -> NDArray[np.float64]:
 
 
 def _symbol(name: str) -> str:
+    if name == SAMPLE:
+        return name
     return f"${PARAMETERS[name].symbol}$"
 
 
@@ -249,6 +278,8 @@ def _value(dataset: xr.Dataset, name: str, index: int) -> str:
 
 def _values(dataset: xr.Dataset, name: str, places: Sequence[int] | NDArray[np.intp]) -> list[str]:
     """Grid values as labels: three digits, more only where two of them would read alike."""
+    if name == SAMPLE:
+        return [axis_label(dataset, name, int(place)) for place in places]
     axis = grid_axis(dataset, name)
     values, unit = axis.values[np.asarray(places)], _pretty(axis.unit)
     for digits in range(3, 17):
@@ -267,8 +298,12 @@ def _digits(value: float, digits: int) -> str:
 
 def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
     """Label an axis with name, symbol and unit; that of a joint stiffness is logarithmic."""
-    unit = _pretty(axis_unit(dataset, name))
     axis = ax.xaxis if which == "x" else ax.yaxis
+    if name == SAMPLE:
+        axis.set_label_text(name)
+        axis.set_major_locator(MaxNLocator(_TICKS, integer=True, min_n_ticks=1))
+        return
+    unit = _pretty(axis_unit(dataset, name))
     axis.set_label_text(f"{name.replace('_', ' ')} {_symbol(name)} [{unit}]")
     if name in JOINTS:
         ax.set(**{f"{which}scale": "log"})
@@ -290,13 +325,22 @@ def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
 
 
 def _caption(
-    dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[str] = tuple(PREFIXES)
+    dataset: xr.Dataset, case: Case, suffix: str, where: Selection, models: Sequence[Variant] = ()
 ) -> list[str]:
-    """What a figure keeps fixed, and how many of the points it draws lack results."""
+    """What a figure keeps fixed, and how many of the points that it draws lack results.
+
+    models: those drawn; all of them by default.
+    """
     held = {}
-    swept_once = {axis.name for axis in case.axes} & {*map(str, dataset.coords)}
+    swept_once = case.varied & {*map(str, dataset.coords)}
+    along_samples = sampled(dataset)
+    if SAMPLE in where and np.ndim(where[SAMPLE]) == 0:
+        held[SAMPLE] = _value(dataset, SAMPLE, int(where[SAMPLE]))
     for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in swept_once)]):
-        if name in where:
+        if name in along_samples:
+            if SAMPLE in held:
+                held[name] = _value(dataset, name, int(where[SAMPLE]))
+        elif name in where:
             if np.ndim(where[name]) == 0:
                 held[name] = _value(dataset, name, int(where[name]))
         elif name in swept_once:  # a slice that the caller has cut out of the result
@@ -311,11 +355,11 @@ def _caption(
     ]
     # no-break spaces: a long caption is wrapped between its items, not within one
     lines = [", ".join(item.replace(" ", "\N{NO-BREAK SPACE}") for item in [*fixed, f"band: {dataset.attrs['band']}"])]
-    for prefix in models:
-        values = [_drawn(dataset, response, prefix, suffix, where) for response in stored(dataset, suffix)]
+    for model in models or models_of(dataset):
+        values = [_drawn(dataset, response, model.prefix, suffix, where) for response in stored(dataset, suffix)]
         missing = np.any(np.isnan(values), axis=0)
         if missing.any():
-            lines.append(f"{PREFIXES[prefix]}: {missing.sum()} of {missing.size} points lack results (gaps)")
+            lines.append(f"{model.words}: {missing.sum()} of {missing.size} points lack results (gaps)")
     return lines
 
 

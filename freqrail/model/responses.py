@@ -42,7 +42,7 @@ DIMENSIONS: dict[str, Dimension] = {
 
 @dataclass(frozen=True)
 class Response:
-    """A response that is computed: its variables are NAME_rms, NAME_psd and their traditional twins.
+    """A response that is computed: its variables are NAME_rms, NAME_psd and their twins (see `variants`).
 
     unit: SI. shown_unit and shown_scale: for figures and tables, the value in SI times the scale.
     dimension: along which it is resolved, "" for a single value. paper: whether it is one of the four that the paper
@@ -201,10 +201,3 @@ def series_count(names: tuple[str, ...]) -> int:
 def chains_of(names: tuple[str, ...]) -> tuple[str, ...]:
     """The chains that take part in any of the named responses, in the order of `CHAINS`."""
     return tuple(chain for chain in CHAINS if any(chain in RESPONSES[name].chains for name in names))
-
-
-TWIN = "traditional_"
-"""Prefix of the variables of the traditional model, a twin of each response with rigid damper joints."""
-
-PREFIXES = {"": "model with damper joints", TWIN: "traditional model, rigid damper joints"}
-"""Prefix of a model's variables and the words for it."""

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from freqrail.model.equations import Leg, System
+from freqrail.model.variants import TRADITIONAL
 from freqrail.types import Number
 
 GRAVITY = 9.8
@@ -76,7 +77,7 @@ class Vehicle:
 
     def traditional(self) -> Vehicle:
         """The vehicle with rigid damper joints: the traditional model of the paper's fig. 1."""
-        return replace(self, primary_joint_stiffness=np.inf, secondary_joint_stiffness=np.inf)
+        return replace(self, **TRADITIONAL.values)
 
 
 def static_wheel_load(car_body_mass: Number, bogie_mass: Number, wheelset_mass: Number) -> Number:

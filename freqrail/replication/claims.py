@@ -16,7 +16,8 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case.parameters import JOINTS
-from freqrail.model.responses import PREFIXES, RESPONSES
+from freqrail.model.responses import RESPONSES
+from freqrail.model.variants import PREFIXES
 from freqrail.replication import judging
 from freqrail.replication.judging import (
     PLACES,

@@ -39,7 +39,8 @@ from freqrail.figures.style import (
     panels,
     save,
 )
-from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
+from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.model.variants import PREFIXES
 from freqrail.replication.claims import (
     BOGIE,
     CAR,

@@ -21,7 +21,8 @@ from freqrail.confirm.track_record import fixed_amplitudes, spectral_lines, stre
 from freqrail.model.band import band_limits
 from freqrail.model.equations import leg_dynamic_stiffness
 from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import PAPER, PREFIXES, RESPONSES
+from freqrail.model.responses import PAPER, RESPONSES
+from freqrail.model.variants import PREFIXES
 from freqrail.model.vehicle import Vehicle
 from freqrail.replication.claims import PAPER_POINT, PAPER_SPEED
 from freqrail.replication.judging import OTHER_JOINT

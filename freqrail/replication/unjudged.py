@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from freqrail.model.responses import PREFIXES, RESPONSES
+from freqrail.model.responses import RESPONSES
+from freqrail.model.variants import PREFIXES
 from freqrail.replication import judging
 from freqrail.replication.claims import (
     CLAIMS,

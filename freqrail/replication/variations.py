@@ -21,7 +21,8 @@ from freqrail.case.parameters import JOINTS
 from freqrail.errors import FreqrailWarning
 from freqrail.model.band import Band
 from freqrail.model.responses import PAPER as IN_ORDER
-from freqrail.model.responses import PREFIXES, RESPONSES
+from freqrail.model.responses import RESPONSES
+from freqrail.model.variants import PREFIXES
 from freqrail.replication import judging, printed
 from freqrail.replication.claims import judge_all
 from freqrail.replication.judging import FAILS, OTHER_JOINT, PLACES, VERDICTS, Finding, Places

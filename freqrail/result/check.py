@@ -14,10 +14,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail.case.parameters import JOINTS, SWEEPABLE
-from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
-from freqrail.result.axes import swept
+from freqrail.case.parameters import SWEEPABLE
+from freqrail.case.samples import SAMPLE
+from freqrail.errors import InputError
+from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.model.variants import Variant
+from freqrail.result.axes import sampled, swept, swept_by
 from freqrail.result.content import PIECE, pieces
+from freqrail.result.variants import FLAGS, models_of
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE
 from freqrail.text import counted, given
 
@@ -27,10 +31,15 @@ ATTRIBUTES = ("case_name", "effective_case", "band", "source")
 def faults(dataset: xr.Dataset) -> list[str]:
     """What keeps a dataset from being a result of a sweep, a line each; none if it is one, or a confirmation."""
     told = _warning_faults(dataset)
+    try:
+        models = models_of(dataset)
+    except InputError as fault:
+        told += fault.problems
     if told or "verdict_solver" in dataset:  # a confirmation
         return told
     missing = [f"has no attribute {name}" for name in ATTRIBUTES if name not in dataset.attrs]
-    missing += [f"has no variable {p}{k}" for p in PREFIXES for k in ("status", "method") if f"{p}{k}" not in dataset]
+    flags = [f"{model.prefix}{flag}" for model in models for flag in FLAGS]
+    missing += [f"has no variable {flag}" for flag in flags if flag not in dataset]
     missing += (
         []
         if any(f"{name}_rms" in dataset for name in RESPONSES)
@@ -39,16 +48,23 @@ def faults(dataset: xr.Dataset) -> list[str]:
     if missing:
         return missing
     axes = swept(dataset)
-    return [*_coordinate_faults(dataset, axes), *_variable_faults(dataset, axes)]
+    return [*_coordinate_faults(dataset, axes), *_variable_faults(dataset, models)]
 
 
 def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
     for name in axes:
-        if name not in SWEEPABLE:
+        if name not in (*SWEEPABLE, SAMPLE):
             yield f"status has the dimension {name}, which no sweep has"
         elif name not in dataset.coords:
             yield f"has no coordinate {name}"
         elif dataset[name].dtype.kind not in "iuf" or np.isnan(dataset[name].values).any():
+            yield f"{name} holds other values than numbers"
+    if SAMPLE in axes and SAMPLE in dataset.coords:
+        numbers = dataset[SAMPLE].values
+        if numbers.dtype.kind not in "iu" or (numbers < 1).any() or np.unique(numbers).size < numbers.size:
+            yield f"{SAMPLE} holds other values than the numbers of samples"
+    for name in sampled(dataset):
+        if dataset[name].dtype.kind != "f" or np.isnan(dataset[name].values).any():
             yield f"{name} holds other values than numbers"
     if "frequency" in dataset.dims and (
         "frequency" not in dataset.coords or not _is_float(dataset["frequency"]) or np.isnan(dataset["frequency"]).any()
@@ -76,10 +92,11 @@ def _warning_faults(dataset: xr.Dataset) -> list[str]:
     return [] if all(right) else [f"its attribute warnings is no list of warnings in JSON {given(text)}"]
 
 
-def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
+def _variable_faults(dataset: xr.Dataset, models: tuple[Variant, ...]) -> Iterator[str]:
     first_schema = dataset.attrs.get("dataset_schema_version") == 1  # it wrote spectra as "(m s-2)2 Hz-1"
-    for prefix in PREFIXES:
-        own = axes if not prefix else tuple(name for name in axes if name not in JOINTS)
+    prefixes = [model.prefix for model in models]
+    for model in models:
+        prefix, own = model.prefix, swept_by(dataset, model)
         unreadable = list(_flag_faults(dataset, prefix, own))
         if unreadable:
             yield from unreadable
@@ -88,11 +105,11 @@ def _variable_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str
             place = (response.dimension,) if response.dimension else ()
             kinds = {"_rms": response.unit, "_rms_relative_error": "1", "_psd": response.psd_unit}
             former = kinds | ({"_psd": f"({response.unit})2 Hz-1"} if first_schema else {})
-            stored = any(f"{p}{name}{kind}" in dataset for p in PREFIXES for kind in kinds)
+            stored = any(f"{p}{name}{kind}" in dataset for p in prefixes for kind in kinds)
             for kind, unit in kinds.items():
                 variable = f"{prefix}{name}{kind}"
                 if variable not in dataset:
-                    if stored and (kind != "_psd" or any(f"{p}{name}_psd" in dataset for p in PREFIXES)):
+                    if stored and (kind != "_psd" or any(f"{p}{name}_psd" in dataset for p in prefixes)):
                         yield f"has no variable {variable}"
                     continue
                 array = dataset[variable]

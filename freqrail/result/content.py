@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case.parameters import COMPLIANCES
-from freqrail.model.responses import TWIN
+from freqrail.result.variants import models_of, owner
 
 SCHEMA_VERSION = 2
 """Of the datasets written. 2: spectra in "m2 s-4 Hz-1", before "(m s-2)2 Hz-1"; axes in CF's spelling; scalars, band
@@ -37,9 +37,10 @@ def named_coordinates(dataset: xr.Dataset, name: str, dims: Collection[str]) -> 
     """What CF's `coordinates` attribute of a variable with these dimensions names.
 
     All coordinates that lie along its dimensions, or none, but those that CF finds by the dimension's name alone.
-    Not the joints' of the traditional model, which has none.
+    Not those of what a variant fixes, such as the joints' of the traditional model, which has none.
     """
-    absent = {*COMPLIANCES, *COMPLIANCES.values()} if name.startswith(TWIN) else set()
+    fixed = owner(name, models_of(dataset)).fixed
+    absent = fixed | {COMPLIANCES[joint] for joint in fixed & {*COMPLIANCES}}
     return [
         str(key)
         for key, values in dataset.coords.items()

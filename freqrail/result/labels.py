@@ -24,10 +24,13 @@ from freqrail.case.axis import Axis, parse_axis
 from freqrail.case.case import Case
 from freqrail.case.parameters import COMPLIANCE_UNIT, COMPLIANCES, PARAMETERS, meaning
 from freqrail.case.quantities import cf_unit
+from freqrail.case.samples import SAMPLE, Samples
 from freqrail.model.band import Band, band_text
 from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.result.axes import SAMPLE_NAME
 from freqrail.result.content import SCHEMA_VERSION
 from freqrail.result.layout import Layout, variables
+from freqrail.result.variants import ATTRIBUTE, stored
 from freqrail.solver.solution import Solution
 from freqrail.version import __version__
 
@@ -53,7 +56,8 @@ def skeleton(layout: Layout) -> xr.Dataset:
     """The coordinates and attributes of a sweep, without its variables."""
     coordinates: dict[str, Any] = {}
     for axis in layout.case.axes:
-        coordinates |= coordinate(axis, layout.case.masses)
+        own = sample_coordinates(layout.case.samples, layout.case.masses) if axis.name == SAMPLE else None
+        coordinates |= own or coordinate(axis, layout.case.masses)
     coordinates |= position_coordinates({RESPONSES[name].dimension for name in layout.names})
     if layout.frequency is not None:
         coordinates |= coordinate(layout.frequency)
@@ -110,6 +114,21 @@ def coordinate(axis: Axis, masses: str = "half") -> dict[str, tuple[str, NDArray
     return found
 
 
+def sample_coordinates(samples: Samples | None, masses: str = "half") -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+    """A table of samples as coordinates along `sample` by name: numbers, names, and what is sampled as an axis is."""
+    if samples is None:
+        return {}
+    found: dict[str, tuple[str, NDArray, dict[str, str]]] = {
+        SAMPLE: (SAMPLE, samples.numbers.astype(np.int32), {"long_name": "sample, a row of the table of samples"})
+    }
+    if samples.names:
+        found[SAMPLE_NAME] = (SAMPLE, np.array(samples.names), {"long_name": "name of the sample"})
+    for column in samples.columns:
+        for key, (_, values, described) in coordinate(column, masses).items():
+            found[key] = (SAMPLE, values, described)
+    return found
+
+
 def _compliance(joint: str, stiffness: NDArray, masses: str) -> tuple[NDArray, dict[str, str]]:
     """Values and attributes of a joint's compliance, of its stiffness in MN/m."""
     what = meaning(joint, masses).replace("stiffness", "compliance")
@@ -123,9 +142,8 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
     from 0 to inf Hz.
     """
     found: dict[str, tuple[tuple[()], NDArray, dict[str, str]]] = {}
-    swept = {axis.name for axis in case.axes}
     for name, quantity in case.quantities.items():
-        if name in swept or (name == "contact_constant" and "contact_stiffness" in swept):
+        if name in case.varied or (name == "contact_constant" and "contact_stiffness" in case.varied):
             continue
         parameter = PARAMETERS[name]
         if parameter.shown_unit:
@@ -179,6 +197,7 @@ def attributes(case: Case, command: str) -> dict[str, Any]:
         "effective_case": case.effective,
         "effective_case_sha256": hashlib.sha256(case.effective.encode()).hexdigest(),
         "band": band_text(case.band),
+        ATTRIBUTE: stored(case.variants),
         "versions": json.dumps(versions),
     }
     return {key: value for key, value in described.items() if value != ""}

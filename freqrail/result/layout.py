@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from freqrail.case.axis import Axis
 from freqrail.case.case import Case
-from freqrail.case.parameters import JOINTS, suggestion
+from freqrail.case.parameters import suggestion
 from freqrail.errors import InputError
-from freqrail.model.responses import DIMENSIONS, PREFIXES, RESPONSES
+from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.model.variants import Variant
 from freqrail.result.content import Variable
 from freqrail.solver.solution import METHOD, STATUS
 
@@ -26,56 +27,69 @@ class Layout:
     frequency: Axis | None
 
     def axes(self, prefix: str) -> tuple[Axis, ...]:
-        """The swept parameters of a model, in the order given: the traditional one lacks the joints'."""
-        return self.case.axes if not prefix else without_joints(self.case).axes
+        """The swept parameters of the model whose variables have a prefix, in the order given."""
+        return self.case.of(self.model(prefix)).axes
+
+    @property
+    def models(self) -> tuple[Variant, ...]:
+        """The vehicle itself and its variants, in the order of their variables."""
+        return self.case.models
+
+    def model(self, prefix: str) -> Variant:
+        """The model whose variables have a prefix."""
+        return next(model for model in self.models if model.prefix == prefix)
 
 
 def variables(layout: Layout) -> dict[str, Variable]:
     """The variables of a sweep by name, in the order of the file."""
+    return {name: v for model in layout.models for name, v in variables_of(layout, model.prefix).items()}
+
+
+def variables_of(layout: Layout, prefix: str) -> dict[str, Variable]:
+    """The variables of the model with a prefix, by name."""
+    words = layout.model(prefix).words
+    axes = layout.axes(prefix)
     sizes = {name: len(dimension.labels) for name, dimension in DIMENSIONS.items()}
     if layout.frequency is not None:
         sizes["frequency"] = layout.frequency.si.size
     result: dict[str, Variable] = {}
 
-    def add(prefix: str, key: str, further: tuple[str, ...], dtype: type, attributes: dict[str, Any]) -> None:
-        axes = layout.axes(prefix)
+    def add(key: str, further: tuple[str, ...], dtype: type, attributes: dict[str, Any]) -> None:
         shape = (*(axis.si.size for axis in axes), *(sizes[dimension] for dimension in further))
         dims = (*(axis.name for axis in axes), *further)
         result[prefix + key] = Variable(dims, shape, np.dtype(dtype), attributes)
 
-    for prefix, words in PREFIXES.items():
+    for name in layout.names:
+        response = RESPONSES[name]
+        place = (response.dimension,) if response.dimension else ()
+        meaning = f"RMS of the {response.long_name}"
+        add(
+            f"{name}_rms",
+            place,
+            float,
+            {
+                "units": response.unit,
+                "long_name": f"{meaning}, {words}",
+                "ancillary_variables": f"{prefix}{name}_rms_relative_error {prefix}status {prefix}method",
+            },
+        )
+        error = {
+            "units": "1",
+            "long_name": f"estimated relative error of the computation of the {meaning}, {words}; numerical only: "
+            "it says nothing of the model or of its data",
+        }
+        add(f"{name}_rms_relative_error", place, float, error)
+    if layout.frequency is not None:
         for name in layout.names:
             response = RESPONSES[name]
             place = (response.dimension,) if response.dimension else ()
-            meaning = f"RMS of the {response.long_name}"
-            add(
-                prefix,
-                f"{name}_rms",
-                place,
-                float,
-                {
-                    "units": response.unit,
-                    "long_name": f"{meaning}, {words}",
-                    "ancillary_variables": f"{prefix}{name}_rms_relative_error {prefix}status {prefix}method",
-                },
-            )
-            error = {
-                "units": "1",
-                "long_name": f"estimated relative error of the computation of the {meaning}, {words}; numerical only: "
-                "it says nothing of the model or of its data",
+            spectrum = {
+                "units": response.psd_unit,
+                "long_name": f"one-sided PSD of the {response.long_name}, {words}",
             }
-            add(prefix, f"{name}_rms_relative_error", place, float, error)
-        if layout.frequency is not None:
-            for name in layout.names:
-                response = RESPONSES[name]
-                place = (response.dimension,) if response.dimension else ()
-                spectrum = {
-                    "units": response.psd_unit,
-                    "long_name": f"one-sided PSD of the {response.long_name}, {words}",
-                }
-                add(prefix, f"{name}_psd", (*place, "frequency"), float, spectrum)
-        add(prefix, "status", (), np.int8, flags(STATUS, f"outcome of the computation, {words}"))
-        add(prefix, "method", (), np.int8, flags(METHOD, f"method of the computation, {words}"))
+            add(f"{name}_psd", (*place, "frequency"), float, spectrum)
+    add("status", (), np.int8, flags(STATUS, f"outcome of the computation, {words}"))
+    add("method", (), np.int8, flags(METHOD, f"method of the computation, {words}"))
     return result
 
 
@@ -100,8 +114,3 @@ def response_names(responses: str | Sequence[str]) -> tuple[str, ...]:
         )
     wanted = set().union(*(groups.get(name, {name}) for name in given))
     return tuple(name for name in RESPONSES if name in wanted)
-
-
-def without_joints(case: Case) -> Case:
-    """The case without its joint axes, as the traditional model takes it."""
-    return replace(case, axes=tuple(axis for axis in case.axes if axis.name not in JOINTS))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import math
 import os
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -17,14 +19,16 @@ from freqrail.case.axis import SAME, Axis, is_same
 from freqrail.case.case import Case, build_case, place_point
 from freqrail.case.parameters import COMPLIANCES, PARAMETERS, SWEEPABLE, Parameter, suggestion
 from freqrail.case.quantities import Quantity, parse_quantity, typed_unit, unit_factor
+from freqrail.case.samples import SAMPLE, number_of
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import band_text
 from freqrail.model.responses import RESPONSES
-from freqrail.result.axes import axis_label, axis_unit, grid_axis, swept
+from freqrail.result.axes import SAMPLE_NAME, axis_label, axis_unit, grid_axis, sample_names, sampled, swept
 from freqrail.result.confirmation import is_confirmation
-from freqrail.result.labels import coordinate, scalar_coordinates, skeleton
+from freqrail.result.labels import coordinate, sample_coordinates, scalar_coordinates, skeleton
 from freqrail.result.layout import Layout
 from freqrail.result.netcdf import open_result
+from freqrail.result.variants import variants_of
 from freqrail.text import given
 
 Point = Mapping[str, Quantity]
@@ -38,10 +42,12 @@ def parse_point(text: str) -> Point:
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals:
             problems.append(f'--at: a point is written "NAME=VALUE, NAME=VALUE" (got "{part}")')
-        elif name not in SWEEPABLE:
+        elif name not in (*SWEEPABLE, SAMPLE):
             problems.append(f"--at {name}: unknown name{suggestion(name, SWEEPABLE)}")
         elif name in point:
             problems.append(f'--at {name}: given twice (got "{text}")')
+        elif name == SAMPLE:
+            point[name] = Quantity(math.nan, value)
         else:
             try:
                 point[name] = parse_quantity(PARAMETERS[name], value)
@@ -60,6 +66,11 @@ def result_case(dataset: xr.Dataset) -> Case:
         text, name = str(dataset.attrs["effective_case"]), str(dataset.attrs["case_name"])
     except KeyError as fault:
         raise InputError(f"the dataset has no attribute {fault}: a result of freqrail's sweep is expected") from None
+    return replace(_case_of(text, name), variants=variants_of(dataset))
+
+
+@functools.lru_cache(maxsize=2)  # of many samples it takes a second
+def _case_of(text: str, name: str) -> Case:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FreqrailWarning)  # the sweep has told them
         return build_case(text, name=name, file="the result's case", stray_points=True)
@@ -88,12 +99,35 @@ def _case_faults(dataset: xr.Dataset) -> list[str]:
         if name not in axes:
             faults.append(f"has the dimension {name}, which its case does not sweep; read it with xarray")
             continue
+        if name == SAMPLE:
+            faults += _sample_faults(dataset, case)
+            continue
         unit, right = axis_unit(dataset, name), _axis_unit_of(dataset, axes[name], case)
         if not _is_unit_of(unit, PARAMETERS[name]):
             faults.append(f"{name} has no unit of a {PARAMETERS[name].kind} (got {unit!r})")
         elif unit_factor(unit) != unit_factor(right):
             faults.append(f"{name} is not in {right}, as its case has it (got {unit!r})")
     return faults or [*_contradictions(dataset, case)]
+
+
+def _sample_faults(dataset: xr.Dataset, case: Case) -> Iterator[str]:
+    """What of the samples of a result, or of the part that it holds, is not as its case has them."""
+    assert case.samples
+    try:
+        own = case.samples.at(dataset[SAMPLE].values)
+    except KeyError as fault:
+        yield f"has a sample {fault}, which its case has not; read it with xarray"
+        return
+    for name, (_, values, attributes) in sample_coordinates(own, case.masses).items():
+        if name not in dataset.coords or dataset[name].dims != (SAMPLE,):
+            yield f"has no coordinate {name} along {SAMPLE}, as its case has it"
+        elif dataset[name].attrs.get("units") != attributes.get("units"):
+            yield f"{name} has no unit {attributes.get('units')} (got {dataset[name].attrs.get('units', 'none')!r})"
+        elif name == SAMPLE_NAME:
+            if sample_names(dataset) != values.tolist():
+                yield f"{name} is not that of its case"
+        elif not np.allclose(dataset[name].values, values, rtol=SAME, atol=0.0):
+            yield f"{name} is not that of its case"
 
 
 def _contradictions(dataset: xr.Dataset, case: Case) -> Iterator[str]:
@@ -143,7 +177,7 @@ def example_point(dataset: xr.Dataset) -> str:
     parts = []
     for name, index in locate(dataset, nearest=True).items():
         value = float(dataset[name].values[index])
-        parts.append(f"{name}={'inf' if np.isinf(value) else f'{value:.10g}'} {axis_unit(dataset, name)}")
+        parts.append(f"{name}={'inf' if np.isinf(value) else f'{value:.10g}'} {axis_unit(dataset, name)}".rstrip())
     return ", ".join(parts)
 
 
@@ -158,7 +192,9 @@ def locate(
     `origin` is what its messages call the point.
     """
     axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
-    indices, faults = place_point(point or {}, axes, result_case(dataset).scalars, nearest)
+    indices, faults = place_point(
+        point or {}, axes, result_case(dataset).scalars, nearest, sampled(dataset), sample_names(dataset)
+    )
     if faults:
         raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items()))
     return indices
@@ -174,8 +210,12 @@ def off_grid(
     """
     axes = tuple(grid_axis(dataset, name) for name in swept(dataset))
     scalars = result_case(dataset).scalars
-    indices, faults = place_point(point or {}, axes, scalars)
-    off = {name: (point or {}).get(name) or scalars[name] for name in swept(dataset) if name in faults}
+    indices, faults = place_point(point or {}, axes, scalars, False, sampled(dataset), sample_names(dataset))
+    off = {
+        name: (point or {}).get(name) or scalars[name]
+        for name in swept(dataset)
+        if name in faults and name != SAMPLE  # there is no other sample
+    }
     if faults.keys() - off.keys():
         raise InputError(*(f"{origin} {name}: {fault}" for name, fault in faults.items() if name not in off))
     return indices, off
@@ -233,7 +273,12 @@ def find_place(
             f"{', '.join(sorted(stray))}"
         )
     over = {name: quantity.text for name, quantity in off.items()}
+    table = None
     for axis in case.axes:
+        if axis.name == SAMPLE and case.samples:
+            numbers = dataset[SAMPLE].values
+            table = case.samples.at(numbers[[index[SAMPLE]]] if SAMPLE in index else numbers)
+            continue
         si = grid_axis(dataset, axis.name).si
         if axis.name in index:
             over[axis.name] = _axis_text(axis, si[[index[axis.name]]])
@@ -241,7 +286,10 @@ def find_place(
             over[axis.name] = _axis_text(axis, si)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FreqrailWarning)  # for the caller to tell, once
-        own = build_case(case.effective, over=over, name=case.name, stray_points=True, axis_option=origin)
+        own = build_case(
+            case.effective, over=over, name=case.name, stray_points=True, axis_option=origin, samples=table
+        )
+    own = replace(own, variants=case.variants)
     index = {name: 0 for name in swept(dataset) if name not in keep}
     return Place(skeleton(layout_of(dataset, own)), index, tuple(off), outside(dataset, off), own.warnings)
 
@@ -277,7 +325,9 @@ def confirmed_point(dataset: xr.Dataset, point: Point) -> int:
     keep = np.ones(dataset.sizes["point"], dtype=bool)
     for name, quantity in point.items():
         own = result_case(dataset).scalars.get(name)
-        if name in dataset.coords and dataset[name].dims == ("point",):
+        if name == SAMPLE and SAMPLE in dataset.coords:
+            keep &= dataset[SAMPLE].values == number_of(quantity.text, dataset[SAMPLE].values, sample_names(dataset))
+        elif name in dataset.coords and dataset[name].dims == ("point",):
             values = dataset[name].values * float(unit_factor(axis_unit(dataset, name))[0])
             keep &= [is_same(value, quantity.value) for value in values]
         elif own is None or not is_same(own.value, quantity.value):

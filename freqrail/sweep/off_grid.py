@@ -23,7 +23,7 @@ ATTRIBUTE = "computed_anew"
 def find(dataset: xr.Dataset, point: Point | None = None, keep: Sequence[str] = (), origin: str = "--at") -> Place:
     """The numbers at a point of a result, on its grid or off it; see `points.find_place`.
 
-    Values, error estimates and status of both models are in the dataset, whose case is that of the point.
+    Values, error estimates and status of all models are in the dataset, whose case is that of the point.
     """
     found = find_place(dataset, point, keep, origin)
     if not found.anew:

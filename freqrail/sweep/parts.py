@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.model.responses import TWIN
 from freqrail.result import content, labels, layout
 from freqrail.solver import solve
 from freqrail.solver.panels import SharedPanels, shared_panels
@@ -60,7 +59,7 @@ def point_count(plan: Plan, block: Part) -> int:
 
 
 def panels_of(plan: Plan) -> dict[str, tuple[SharedPanels, ...]]:
-    """The quadrature nodes of both models' whole grids, for `compute`."""
+    """The quadrature nodes of all models' whole grids, for `compute`."""
     return {prefix: shared_panels(problem) for prefix, problem in plan.problems.items()}
 
 
@@ -102,9 +101,7 @@ def unpack(plan: Plan, block: Part, data: bytes) -> dict[str, NDArray]:
 def part_variables(plan: Plan, block: Part) -> dict[str, content.Variable]:
     """The variables that a block holds a part of, with the part's shape, in the order of the file."""
     size = tuple(part.stop - part.start for part in block.place)
-    described = layout.variables(plan.layout)
+    described = layout.variables_of(plan.layout, block.prefix)
     return {
-        name: replace(variable, shape=(*size, *variable.shape[len(size) :]))
-        for name, variable in described.items()
-        if name.startswith(TWIN) == bool(block.prefix)
+        name: replace(variable, shape=(*size, *variable.shape[len(size) :])) for name, variable in described.items()
     }

@@ -1,11 +1,11 @@
-"""What a sweep computes: the numerical problems of both models, their axes, and what they will take."""
+"""What a sweep computes: the numerical problems of a case's models, their axes, and what they will take."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from freqrail.case.axis import Axis
 from freqrail.case.case import Case
 from freqrail.errors import InputError
 from freqrail.model.band import band_limits
-from freqrail.model.responses import PREFIXES, RESPONSES, TWIN
-from freqrail.result.layout import Layout, response_names, without_joints
+from freqrail.model.responses import RESPONSES
+from freqrail.result.layout import Layout, response_names
 from freqrail.solver import solve
 from freqrail.solver.problem import Problem, half_vehicle_problem
 
@@ -39,19 +39,22 @@ class Plan:
     @classmethod
     def for_layout(cls, layout: Layout) -> Plan:
         """The plan that fills a layout."""
-        case = layout.case
-        joints = half_vehicle_problem(case.vehicles(), case.speeds(), case.spectrum, case.band, layout.names)
-        rigid = without_joints(case).vehicles().traditional()
-        return cls(layout, {"": joints, TWIN: replace(joints, values=vars(rigid))})
+        problems = {}
+        for model in layout.models:
+            case = layout.case.of(model)
+            problems[model.prefix] = half_vehicle_problem(
+                case.vehicles(), case.speeds(), case.spectrum, case.band, layout.names
+            )
+        return cls(layout, problems)
 
     @property
     def points(self) -> int:
-        """Number of grid points of the joint model."""
+        """Number of grid points of the vehicle itself."""
         return math.prod(self.problems[""].shape)
 
     @property
     def work(self) -> int:
-        """Grid points that `progress` is told of in all: both models, spectra counted again."""
+        """Grid points that `progress` is told of in all: all models, spectra counted again."""
         once = sum(math.prod(problem.shape) for problem in self.problems.values())
         return once * (2 if self.layout.frequency is not None else 1)
 
@@ -71,9 +74,21 @@ def stored_bytes(layout: Layout) -> int:
     """Size of a result in bytes, told from its axes alone: a grid may be too large to be made."""
     series = sum(max(1, len(RESPONSES[name].positions)) for name in layout.names)
     lines = layout.frequency.si.size if layout.frequency is not None else 0
-    points = sum(math.prod(axis.si.size for axis in layout.axes(prefix)) for prefix in PREFIXES)
+    points = sum(math.prod(axis.si.size for axis in layout.axes(model.prefix)) for model in layout.models)
     # the last: what HDF5 and attributes take
-    return points * (8 * series * (2 + lines) + 2) + 6_000 * len(layout.names) + 2 * len(layout.case.text) + 50_000
+    return (
+        points * (8 * series * (2 + lines) + 2)
+        + 6_000 * len(layout.names)
+        + 2 * len(layout.case.text)
+        + 50_000
+        + _stored_samples(layout)
+    )
+
+
+def _stored_samples(layout: Layout) -> int:
+    """Bytes of the samples in the case that a result holds, and as coordinates."""
+    samples = layout.case.samples
+    return 0 if samples is None else len(layout.case.effective) + 8 * samples.numbers.size * len(samples.columns)
 
 
 def check_memory(layout: Layout) -> None:

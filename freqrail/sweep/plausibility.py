@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from freqrail.case.axis import Axis
 from freqrail.case.case import Case
 from freqrail.case.criteria import CRITERIA, Criterion
+from freqrail.case.samples import SAMPLE
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band, band_limits
 from freqrail.model.spectrum import standard_deviation
+from freqrail.model.variants import Variant
 from freqrail.model.vehicle import Vehicle, static_wheel_load
 from freqrail.solver.contact_force import contact_force_rms
 from freqrail.solver.modes import modes
@@ -110,10 +112,14 @@ MEASURES: Mapping[str, Callable[[Vehicle], Number]] = {
 
 
 def corners(case: Case) -> Case:
-    """The case with every axis cut to its two ends."""
+    """The case with every axis cut to its two ends; samples stay, for their ends hold nothing."""
 
     def ends(axis: Axis) -> Axis:
-        return axis if axis.si.size < 3 else replace(axis, values=axis.values[[0, -1]], si=axis.si[[0, -1]])
+        return (
+            axis
+            if axis.si.size < 3 or axis.name == SAMPLE
+            else replace(axis, values=axis.values[[0, -1]], si=axis.si[[0, -1]])
+        )
 
     return replace(case, axes=tuple(map(ends, case.axes)))
 
@@ -137,13 +143,26 @@ def wavelengths(band: Band | None, speeds: NDArray[np.float64]) -> tuple[float, 
 
 
 def concerns(case: Case) -> tuple[Concern, ...]:
-    """All that is outside its usual range somewhere on the grid of a case, accepted or not."""
+    """All that is outside its usual range somewhere on the grid of a case, accepted or not.
+
+    Of a variant what lies further outside than the vehicle itself does; of the wheel-rail force the largest of all.
+    """
     ends = corners(case)
+    found = _of_one_model(ends)
+    for variant in case.variants:
+        widest = {concern.name: concern.measured for concern in found}
+        for concern in _of_one_model(ends.of(variant)):
+            if not (concern.name in widest and _inside(concern.measured, widest[concern.name])):
+                found.append(replace(concern, text=f"{variant.words}: {concern.text}"))
+    return tuple(concern for concern in (*found, _wheel_force(ends)) if concern)
+
+
+def _of_one_model(ends: Case) -> list[Concern]:
+    """What is outside its usual range on the corners of a grid, but for the wheel-rail force."""
     found = [_judged(ends, name, measure(ends, name)) for name in MEASURES]
-    height = 1e3 * standard_deviation(case.spectrum, (3.0, 25.0))
+    height = 1e3 * standard_deviation(ends.spectrum, (3.0, 25.0))
     found.append(_judged(ends, "track_height", np.array(height)))
-    found += [*_band_concerns(ends), _wheel_force(ends)]
-    return tuple(concern for concern in found if concern)
+    return [concern for concern in (*found, *_band_concerns(ends)) if concern]
 
 
 def warn(case: Case) -> tuple[Concern, ...]:
@@ -204,7 +223,7 @@ def _place(case: Case, name: str, values: NDArray[np.float64]) -> str:
         outside = np.where(np.isnan(values), -1.0, np.maximum(values / high, low / values))
     index = np.unravel_index(int(np.argmax(outside)), values.shape)
     where = [
-        f"{axis.name}={axis.values[i]:.4g} {axis.unit}"
+        f"{axis.name}={axis.values[i]:{'.0f' if axis.name == SAMPLE else '.4g'}} {axis.unit}".rstrip()
         for axis, i, size in zip(axes, index, values.shape, strict=True)
         if size > 1
     ]
@@ -332,19 +351,24 @@ def _widest(case: Case, name: str) -> tuple[float, float]:
 
 
 def _wheel_force(case: Case) -> Concern | None:
-    """The concern about contact lost, from a few corners of the grid, with joints and with rigid ones."""
-    vehicle, speed = case.vehicles(), float(case.speeds().max())
-    load = np.broadcast_to(_load(vehicle), vehicle.shape)
+    """The concern about contact lost, from a few corners of the grid, in all models of a case."""
+    case = _few_samples(case)
+    vehicle = case.vehicles()
+    models = [_on_the_grid(case, model) for model in case.models]
     values = np.full(vehicle.shape, np.nan)
-    forces: dict[Vehicle, float] = {}  # the same rigid joints stand for many
+    forces: dict[tuple[Vehicle, float], float] = {}  # the same rigid joints stand for many
+
+    def force(one: Vehicle, speed: float) -> float:
+        """Of a model at a corner, in static wheel loads."""
+        if (one, speed) not in forces:
+            with np.errstate(all="ignore"):
+                rms = float(contact_force_rms(one, case.spectrum, speed, case.band).max())
+            forces[one, speed] = rms / float(_load(one))
+        return forces[one, speed]
 
     def compute(index: tuple[int, ...]) -> None:
-        both = (vehicle.at(index), vehicle.at(index).traditional())
-        for one in both:
-            if one not in forces:
-                with np.errstate(all="ignore"):
-                    forces[one] = float(contact_force_rms(one, case.spectrum, speed, case.band).max())
-        values[index] = max(forces[one] for one in both) / load[index]
+        each = [force(grid.at(tuple(index[axis] for axis in axes)), speed) for grid, axes, speed in models]
+        values[index] = max(each)
 
     for index in _some_corners(vehicle.shape):
         compute(index)
@@ -354,13 +378,39 @@ def _wheel_force(case: Case) -> Concern | None:
     return _judged(case, "wheel_force", values)
 
 
+def _few_samples(case: Case) -> Case:
+    """The case with those of its samples in which a parameter is smallest or largest, FORCES of them at most."""
+    if case.samples is None:
+        return case
+    rows = [f(column.si) for f in (np.argmin, np.argmax) for column in case.samples.columns]
+    numbers = case.samples.numbers[sorted(dict.fromkeys(map(int, rows)))[:FORCES]]
+    samples = case.samples.at(numbers)
+    axes = tuple(samples.axis if axis.name == SAMPLE else axis for axis in case.axes)
+    return replace(case, samples=samples, axes=axes)
+
+
+def _on_the_grid(case: Case, model: Variant) -> tuple[Vehicle, list[int], float]:
+    """The vehicles of a model, which axes of the case's grid of vehicles they have, and the fastest speed, m/s."""
+    own = case.of(model)
+    named = {axis.name for axis in own.axes}
+    axes = [place for place, axis in enumerate(a for a in case.axes if a.name != "speed") if axis.name in named]
+    return own.vehicles(), axes, float(own.speeds().max())
+
+
 def _some_corners(shape: tuple[int, ...]) -> list[tuple[int, ...]]:
     """All corners of a grid of so many ends an axis, or FORCES of them: both ends of every axis half of the time each,
     the four pairs of ends of any two axes a quarter of it (two-level orthogonal array, for up to 15 axes of two ends).
     """
     axes = [axis for axis, ends in enumerate(shape) if ends > 1]
-    if 2 ** len(axes) <= FORCES:
+    if math.prod(shape) <= FORCES:
         return list(np.ndindex(shape))
+    if max(shape) > 2:  # samples: each once at least, with the others' corners in turn
+        longest = max(range(len(shape)), key=lambda axis: shape[axis])
+        others = _some_corners((*shape[:longest], 1, *shape[longest + 1 :]))
+        runs = range(max(FORCES, shape[longest]))
+        # a step that shares no factor with their number takes every corner beside many samples
+        corners = [others[(run + run // len(others)) % len(others)] for run in runs]
+        return [(*c[:longest], run % shape[longest], *c[longest + 1 :]) for run, c in zip(runs, corners, strict=True)]
     # an axis's end is the parity of some bits of the run's number: other bits for every axis, odd numbers of them first
     masks = sorted(range(1, FORCES), key=lambda mask: (mask.bit_count() % 2 == 0, mask.bit_count()))
     bits = dict(zip(axes, masks, strict=False))

@@ -104,7 +104,7 @@ def _at(case: Case, point: Point) -> tuple[Case, Axis]:
     axis = next((axis for axis in case.axes if axis.name == "speed"), None)
     if axis is None or "speed" in point:
         axis = parse_axis(PARAMETERS["speed"], quantities["speed"].text)
-    return replace(case, quantities=quantities, axes=()), axis
+    return replace(case, quantities=quantities, axes=(), samples=None), axis
 
 
 Elasticity = tuple[Array, Array]

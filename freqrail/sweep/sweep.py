@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from freqrail.case.case import Case, load_case
 from freqrail.errors import InputError
-from freqrail.result import axes, labels, layout, netcdf
+from freqrail.result import axes, labels, layout, netcdf, variants
 from freqrail.solver import solve
 from freqrail.sweep import parts, plausibility
 from freqrail.sweep.journal import Journal
@@ -37,6 +38,7 @@ def sweep(
     psd: bool = False,
     jobs: int | None = None,
     progress: Progress = lambda points: None,
+    samples: str | os.PathLike[str] | Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
     """Response RMS values over the grid of a case, as a labelled dataset.
 
@@ -44,11 +46,15 @@ def sweep(
     as {"speed": "100:300:10 km/h"}, replaces the case's axis or adds one. settings: {"NAME": "VALUE"} for
     scalars. responses: "paper" (the paper's four), "all", or names of `model.responses`. psd: store
     spectra too. jobs: threads that work on blocks, as many as processors unless given; they change no bit of the
-    result. progress: called with the number of grid points just done.
+    result. progress: called with the number of grid points just done. samples: parameters that vary together, along a
+    dimension `sample`: the path of a CSV file, or a mapping such as {"bogie_mass [kg]": [600, 650]} or {"bogie_mass":
+    ["600 kg", "0.65 t"]}; they replace the case's, and
+    its axes of the same names.
 
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
-    `<response>_rms_relative_error`, `status` and `method` per grid point, the same with the
-    prefix `traditional_` without the joint axes, and with `psd` `<response>_psd` [unit^2/Hz].
+    `<response>_rms_relative_error`, `status` and `method` per grid point, the same of each variant with its
+    prefix (`traditional_`) and without the axes that it fixes (the joints'), and with `psd` `<response>_psd`
+    [unit^2/Hz].
     A value that could not be computed to 1e-6 is NaN, and the status of its point is not 0.
 
     Raises InputError for a bad case, axis, setting or response name. The RMS is the root of the integral
@@ -57,9 +63,9 @@ def sweep(
     if jobs is not None and (type(jobs) is not int or jobs < 1):
         raise InputError(f"jobs: must be a whole number, at least 1 {given(jobs)}")
     if not isinstance(case, Case):
-        case = load_case(case, settings, over)
-    elif over or settings:
-        raise InputError("over and settings go with the path or name of a case: a Case is checked already")
+        case = load_case(case, settings, over, samples=samples)
+    elif over or settings or samples is not None:
+        raise InputError("over, settings and samples go with the path or name of a case: a Case is checked already")
     wanted = planned_layout(case, responses, psd)
     check_memory(wanted)
     plan = Plan.for_layout(wanted)
@@ -157,6 +163,7 @@ def _identity(plan: Plan, everything: Sequence[Part]) -> str:
     """SHA-256 of all that decides the bits of the blocks: a journal with another one is of another sweep."""
     facts = [
         plan.layout.case.effective,
+        variants.stored(plan.layout.case.variants),
         plan.layout.names,
         plan.layout.frequency.si.tolist() if plan.layout.frequency is not None else None,
         [block.key for block in everything],

@@ -347,7 +347,7 @@ FAULTS = {
     "unknown table like none": (
         PLAIN + "[zzz]\n",
         "[zzz]",
-        "unknown table (known: vehicle, track, operation, band, sweep, confirm, accepted)",
+        "unknown table (known: vehicle, track, operation, band, sweep, samples, confirm, accepted)",
     ),
     "unknown key in track": (
         put("track", "colour", '"red"'),
