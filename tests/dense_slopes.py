@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from freqrail.model.assembled import state_space
 from freqrail.model.spectrum import RationalSpectrum
+from tests import contours
 from tests.independent import density
-from tests.plain_vehicles import KINDS, Plain, dense_matrices, dense_rows, places
+from tests.plain_vehicles import KINDS, Plain, as_system, dense_matrices, dense_rows, places
 
-POINTS, RADIUS = 6, 0.01  # of Cauchy's circle, relative to the parameter
+POINTS, RADIUS = 4, 1e-4  # of Cauchy's circle, relative to the parameter: a law may have its pole near by
 Slopes = dict[str, np.ndarray]
 SPEED = "speed"
 
@@ -128,4 +130,65 @@ class BandReference:
             if name == SPEED:
                 by_speed = np.imag(density(self.spectrum, self.omega, speed + 1e-30j)) / 1e-30
                 result[key] = result[key] + np.abs(transfer) ** 2 @ (by_speed * self.weights)
+        return result
+
+
+@dataclass(frozen=True)
+class AxisReference:
+    """The same over the whole axis, by integrals over circles around all poles left of it, see `contours`."""
+
+    plain: Plain
+    spectrum: RationalSpectrum
+    speed: float
+
+    def __post_init__(self) -> None:
+        plain, v = self.plain, self.speed
+        vehicle = np.linalg.eigvals(state_space(as_system(plain), plain.values).a)
+        poles = np.append(vehicle, -v * np.array(self.spectrum.cutoffs))
+        found = [(c, r) for c, r in contours.circles(poles, -poles) if c.imag > -r]  # of others, the conjugates
+        centre, radius = (np.array(each)[:, None] for each in zip(*found, strict=True))
+        turn = np.exp(2j * np.pi * (np.arange(contours.POINTS) + 0.5) / contours.POINTS)
+        s = (centre + radius * turn).ravel()
+        twice = np.where(centre.imag > radius, 2.0, 1.0)
+        parts = {
+            "s": s,
+            "weight": (twice * 2 * np.pi / contours.POINTS * radius * turn).ravel(),
+            "here": solved(plain, s),
+            "there": solved(plain, -s),
+        }
+        for name, value in parts.items():
+            object.__setattr__(self, name, value)
+
+    def _lags(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """G(s) e^{s d} of each pair of wheels with d >= 0 [n, wheels, wheels], and its slope by a name, "" for none."""
+        x, v, s = places(self.plain), self.speed, self.s[:, None, None]
+        moved = by_parameter(places, self.plain, name).real if name not in (SPEED, "") else np.zeros(x.size)
+        d, change = x[:, None] - x, moved[:, None] - moved
+        some = np.where(d > 1e-12, 1.0, np.where(np.eye(x.size) > 0, 0.5, 0.0))
+        low, high = ((v * cutoff) ** 2 for cutoff in self.spectrum.cutoffs)
+        g = self.spectrum.roughness * self.spectrum.cutoffs[1] ** 2 * v**3 / ((low - s**2) * (high - s**2))
+        lag = some * g * np.exp(s * np.where(some > 0, d, 0.0) / v)
+        if name == SPEED:
+            by_density = 3 / v - 2 / v * (low / (low - s**2) + high / (high - s**2))
+            return lag, lag * (by_density - s * d / v**2)
+        return lag, lag * s * change / v
+
+    def _total(self, here: np.ndarray, there: np.ndarray, lag: np.ndarray) -> np.ndarray:
+        return np.einsum("lnj,lnj,n->l", np.einsum("lni,nij->lnj", here, lag), there, self.weight).real
+
+    def squares(self) -> Slopes:
+        lag, _ = self._lags("")
+        there = self.there.outputs
+        return {k: self._total(x, there[k], lag) for k, x in self.here.outputs.items()}
+
+    def slopes(self, name: str) -> Slopes:
+        """By a parameter or the speed."""
+        lag, slope = self._lags(name)
+        there = self.there.outputs
+        result = {k: self._total(x, there[k], slope) for k, x in self.here.outputs.items()}
+        if name != SPEED:
+            here_slopes, there_slopes = self.here.slopes(name), self.there.slopes(name)
+            for key, x in self.here.outputs.items():
+                result[key] = result[key] + self._total(here_slopes[key], there[key], lag)
+                result[key] = result[key] + self._total(x, there_slopes[key], lag)
         return result

@@ -69,10 +69,12 @@ def slopes(
     s2: Number,
     wanted: Iterable[str],
     exact: frozenset[int] = frozenset(),
+    inverses: Mapping[int, NDArray[np.complex128]] | None = None,
 ) -> Sloped:
     """Every scalar of a reduction at any complex s and its slopes by the parameters wanted, per metre of its input.
 
-    Arguments as of `block_response.scalars`; wanted: see `check_wanted`. A parameter that several struts share is one.
+    Arguments as of `block_response.scalars`; wanted: see `check_wanted`; inverses: K^-1 [..., unknowns, unknowns] of
+    blocks of which it is known. A parameter that several struts share is one.
     The slope by the stiffness of what is rigid (inf) is 0.
     """
     names = frozenset(wanted)
@@ -87,10 +89,22 @@ def slopes(
             if strut.law not in by_law and names.intersection(strut.law.names):
                 found_slopes = strut.law.slopes(values, s)
                 by_law[strut.law] = {name: found_slopes[name] for name in strut.law.names if name in names}
-        own = _Block(block, parts, s, reduction.lengths, values, by_law, names, index in exact)
+        inverse = (inverses or {}).get(index)
+        if inverse is None and index in exact:
+            inverse = _by_lapack(parts)
+        own = _Block(block, parts, s, reduction.lengths, values, by_law, names, inverse)
         for k, scalar in some.items():
             found[k], gradients[k] = own.scalar(scalar)
     return Sloped(found, gradients)
+
+
+def _by_lapack(parts: Parts) -> NDArray[np.complex128]:
+    matrix = parts.matrix()
+    good = np.isfinite(matrix).all(axis=(-2, -1), keepdims=True)
+    try:
+        return np.where(good, np.linalg.inv(np.where(good, matrix, np.eye(matrix.shape[-1]))), np.nan)
+    except np.linalg.LinAlgError:
+        return np.full_like(matrix, np.nan)
 
 
 @dataclass
@@ -104,18 +118,9 @@ class _Block:
     values: Values
     by_law: Mapping[Law, Mapping[str, Number]]
     names: frozenset[str]
-    by_lapack: bool
+    inverse: NDArray[np.complex128] | None
     columns: dict[tuple[int, int], dict[int, Number]] = field(default_factory=dict)
     inputs: dict[int, dict[int, tuple[Number, Number]]] = field(default_factory=dict)
-
-    @functools.cached_property
-    def inverse(self) -> NDArray[np.complex128]:
-        matrix = self.parts.matrix()
-        good = np.isfinite(matrix).all(axis=(-2, -1), keepdims=True)
-        try:
-            return np.where(good, np.linalg.inv(np.where(good, matrix, np.eye(matrix.shape[-1]))), np.nan)
-        except np.linalg.LinAlgError:
-            return np.full_like(matrix, np.nan)
 
     @functools.cached_property
     def factors(self) -> Factors:
@@ -141,10 +146,11 @@ class _Block:
 
     def solved(self, right: Mapping[int, Number], wanted: Iterable[int]) -> dict[int, Number]:
         """Unknowns of K^-1 right."""
-        if not self.by_lapack:
+        inverse = self.inverse
+        if inverse is None:
             return solve(self.factors, right, wanted)
         return {
-            k: functools.reduce(operator.add, (np.multiply(self.inverse[..., k, i], v) for i, v in right.items()))
+            k: functools.reduce(operator.add, (np.multiply(inverse[..., k, i], v) for i, v in right.items()))
             for k in wanted
         }
 

@@ -46,16 +46,19 @@ def mean_square_gradients(
     share is one parameter. rounding_errors: relative, of a response's square at the nodes, for all outputs or by name.
     Returns {output: {name: MeanSquare}}, [labels, grid..., speeds], in the mean square's unit over the parameter's.
 
-    The slope by the stiffness of a rigid joint (inf) is 0. The error estimate has QUADPACK's form, with d the
-    difference of the two rules min(CAUTION d, (CAUTION d)^1.5/size^0.5), and what rounding leaves of an integrand that
-    changes its sign. d and size sum over the columns without their signs, so that they cannot cancel.
+    The slope by the stiffness of a rigid joint (inf) is 0. The error estimate has QUADPACK's form: with d the
+    difference of the two rules and A a bound of the integral of the integrand's size, which changes its sign at every
+    resonance, min(CAUTION d, (CAUTION d)^1.5/A^0.5), and of A what rounding leaves. d and A sum over the columns
+    without their signs, so that they cannot cancel.
     Raises ValueError for what is no parameter, for a length that the reduction holds for one value of only
-    (`block_slopes.lengths_free`), and for nodes without weights for a name.
+    (`block_slopes.lengths_free`), for no nodes, and for nodes without weights for a name.
     """
     wanted = tuple(dict.fromkeys(wanted))
     names = tuple(name for name in wanted if name != SPEED)
     check_wanted(reduction, names)
     nodes = list(nodes)
+    if not nodes:
+        raise ValueError("no nodes")
     for part in nodes:
         lacking = {*moves(reduction, names), *{SPEED}.intersection(wanted)} - part.kronrod.keys()
         if POWERS in part.kronrod and lacking:
@@ -63,17 +66,18 @@ def mean_square_gradients(
     columns = [(name, each) for name, some in reduction.columns.items() for each in some]
     sums = _Sums(shape_of(values), nodes[0].kronrod)
     on_axis = [part.omega for part in nodes if np.isrealobj(part.omega)]
-    exact = unsound(reduction, values, np.concatenate(on_axis))
+    exact = unsound(reduction, values, np.concatenate(on_axis)) if on_axis else frozenset()
     spread = column(values)
     for part in nodes:
         own = [name for name in part.kronrod if name in wanted]
         by = names if POWERS in part.kronrod else ()
         omega = part.omega
         with np.errstate(all="ignore"):
-            here = slopes(reduction, spread, 1j * omega, -np.square(omega), by, exact)
+            here = slopes(reduction, spread, 1j * omega, -np.square(omega), by, exact, part.inverses[0])
             powers: Powers | PairPowers = Powers(here)
             if np.iscomplexobj(omega):
-                powers = PairPowers(here, slopes(reduction, spread, -1j * omega, -np.square(omega), by, exact))
+                mirrored = slopes(reduction, spread, -1j * omega, -np.square(omega), by, exact, part.inverses[1])
+                powers = PairPowers(here, mirrored)
             space = sums.space(next(iter(part.kronrod.values())).shape[1])
             for index, (_, each) in enumerate(columns):
                 if own:
@@ -161,17 +165,16 @@ class _Sums:
         for label in range(labels):
             by_sizes.setdefault(tuple(abs(float(c[-1][label])) for c in columns), []).append(label)
         for weights, some in by_sizes.items():
-            apart, size, everything = np.zeros((3, *self.grid, self.speeds))
+            apart, size = np.zeros((2, *self.grid, self.speeds))
             for weight, (own, total, embedded, _) in zip(weights, columns, strict=True):
                 if weight:
                     apart += weight * np.abs(total - embedded)
-                    size += weight * np.abs(total)
                     for k, group in enumerate(self.groups):
-                        everything[..., group] += weight * self._grid(own.size)[..., k, None]
+                        size[..., group] += weight * self._grid(own.size)[..., k, None]
             apart *= CAUTION
             with np.errstate(invalid="ignore", divide="ignore"):
                 steep = np.where(apart > 0, np.sqrt(apart / size), 0.0)
-            error[some] = apart * np.minimum(1.0, steep) + rounding * everything
+            error[some] = apart * np.minimum(1.0, steep) + rounding * size
         return MeanSquare(value, error)
 
     def _grid(self, tiles: Array) -> Array:

@@ -7,7 +7,7 @@ by -x/v; the track's density and the limits of a band given in wavelengths depen
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,16 +35,19 @@ GROUPS = 4  # of speeds, that share a bound of what rounding leaves
 class GradientNodes:
     """Some nodes of a rule, and weights by what they are for.
 
-    omega: [n] rad/s. kronrod: under `POWERS` the weights [lags, n, speeds] that turn slopes of powers into slopes of
-    mean squares, under the name of a length or `SPEED` those that turn powers into them. gauss: the same for the
-    embedded rule, None if it has none of these nodes. sizes: for each of kronrod the largest of its sizes among the
-    speeds of a group, [lags, n, groups].
+    omega: [n] rad/s; beside the axis complex, s/i. kronrod: under `POWERS` the weights [lags, n, speeds] that turn
+    slopes of powers into slopes of mean squares, under the name of a length or `SPEED` those that turn powers into
+    them; beside the axis [lags, 2 n, speeds], of real parts of powers first, then of imaginary ones. gauss: the same
+    for the embedded rule, None if it has none of these nodes. sizes: for each of kronrod the largest of its sizes among
+    the speeds of a group, [lags, n, groups]. inverses: where K^-1 of a block [n, unknowns, unknowns] is known at s, and
+    at -s, by block; of one vehicle.
     """
 
-    omega: Array
+    omega: Array | NDArray[np.complex128]
     kronrod: dict[str, Array]
     gauss: dict[str, Array] | None
     sizes: dict[str, Array]
+    inverses: tuple[Mapping[int, NDArray[np.complex128]], Mapping[int, NDArray[np.complex128]]] = ({}, {})
 
 
 def groups_of(speeds: int) -> list[slice]:
