@@ -81,7 +81,8 @@ def arm(factors: dict[str, float], values: dict[str, float]) -> float:
 def dense_rows(plain: Plain) -> tuple[np.ndarray, np.ndarray]:
     """Rows of legs and of wheels as plain matrices."""
     index = {name: k for k, name in enumerate(plain.freedoms)}
-    legs, wheels = np.zeros((len(plain.legs), len(index))), np.zeros((len(plain.wheels), len(index)))
+    kind = np.result_type(float, *plain.values.values())
+    legs, wheels = (np.zeros((len(some), len(index)), kind) for some in (plain.legs, plain.wheels))
     for k, (_, row, *_) in enumerate(plain.legs):
         for name, factors in row.items():
             legs[k, index[name]] = arm(factors, plain.values)
@@ -90,8 +91,8 @@ def dense_rows(plain: Plain) -> tuple[np.ndarray, np.ndarray]:
     return legs, wheels
 
 
-def dense_response(plain: Plain, s: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """q per metre under each wheel [n, freedoms, wheels], and elongations of legs and wheels {name: [n, wheels]}."""
+def dense_matrices(plain: Plain, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Z [n, freedoms, freedoms] and the forces [n, freedoms, wheels] with Z q = force, at any s."""
     legs, wheels = dense_rows(plain)
     masses = np.array([plain.values[inertia] for inertia in plain.freedoms.values()])
     z = np.zeros((s.size, masses.size, masses.size), complex)
@@ -104,7 +105,13 @@ def dense_response(plain: Plain, s: np.ndarray) -> tuple[np.ndarray, dict[str, n
         c = KINDS[kind][0](s, *(plain.values[name] for name in names)) + 0 * s
         z += c[:, None, None] * np.outer(row, row)
         force[:, :, k] = c[:, None] * row
-    q = np.linalg.solve(z, force)
+    return z, force
+
+
+def dense_response(plain: Plain, s: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """q per metre under each wheel [n, freedoms, wheels], and elongations of legs and wheels {name: [n, wheels]}."""
+    legs, wheels = dense_rows(plain)
+    q = np.linalg.solve(*dense_matrices(plain, s))
     elongations = {name: row @ q for row, (name, *_) in zip(legs, plain.legs, strict=True)}
     for k, (row, (name, *_)) in enumerate(zip(wheels, plain.wheels, strict=True)):
         elongations[name] = row @ q - np.eye(len(wheels))[k]

@@ -77,6 +77,22 @@ def angular_psd(spectrum: Spectrum, omega: Number, speed: Number) -> Number:
     return wavenumber_psd(spectrum, omega / speed) / speed
 
 
+def elasticity(spectrum: Spectrum, wavenumber: Number) -> Number:
+    """d ln S_v/d ln Omega at `wavenumber` in rad/m; of a table the slope in log-log, 0 where it gives nothing."""
+    if isinstance(spectrum, TabulatedSpectrum):
+        knots, values = np.log(spectrum.wavenumbers), np.log(spectrum.values)
+        slopes = np.concatenate([[0.0], np.diff(values) / np.diff(knots), [0.0]])
+        return np.asarray(slopes[np.searchsorted(spectrum.wavenumbers, wavenumber)])
+    omega_r, omega_c = spectrum.cutoffs
+    square = np.square(wavenumber)
+    return -2 * (square / (square + omega_r**2) + square / (square + omega_c**2))
+
+
+def angular_psd_slope(spectrum: Spectrum, omega: Number, speed: Number) -> Number:
+    """dG/dv in m^2/(rad/s)/(m/s) at `omega` in rad/s, one-sided; speed in m/s. Omega = omega/v falls with the speed."""
+    return -angular_psd(spectrum, omega, speed) / speed * (1.0 + elasticity(spectrum, omega / speed))
+
+
 def frequency_psd(spectrum: Spectrum, frequency: Number, speed: Number) -> Number:
     """2 pi S_v(2 pi f / v) / v in m^2/Hz, one-sided; frequency in Hz, speed in m/s."""
     return 2 * np.pi * angular_psd(spectrum, 2 * np.pi * frequency, speed)
