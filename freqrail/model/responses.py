@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 
 CHAINS = ("bounce", "pitch", "bogie_pitch")
-"""The half vehicle's families of motion, which exchange no energy if its legs are equal; see `reduction.chains`."""
+"""The half vehicle's families of motion, which exchange no energy if its legs are equal: blocks of its reduction."""
 
 Labels = tuple[str, ...] | tuple[int, ...]
 
@@ -48,8 +48,8 @@ class Response:
     dimension: along which it is resolved, "" for a single value. paper: whether it is one of the four that the paper
     reports.
 
-    Read off the vehicle's chains (`chains.ladder`): element, "car", "bogie", "wheelset" (displacements), "secondary"
-    or "primary" (elongations); derivative: 2 for an acceleration, 0 for a stroke; chains: those that take part;
+    What they are in these families, which tests hold the blocks against: element, "car", "bogie", "wheelset"
+    (displacements), "secondary" or "primary" (elongations); derivative: 2 for an acceleration, 0 for a stroke; chains: those that take part;
     signs: (sigma, rho) a label of the dimension, with sigma = +1 in front, 0 at the centre and -1 at the rear, rho = +1
     at the leading and -1 at the trailing axle of a bogie; arm: the length (a field of `Vehicle`) that turns the
     displacement over a leg into an angle, "" for none.
@@ -196,8 +196,3 @@ PAPER = tuple(name for name, response in RESPONSES.items() if response.paper)
 def series_count(names: tuple[str, ...]) -> int:
     """How many series the named responses are, one a position."""
     return sum(len(RESPONSES[name].signs) for name in names)
-
-
-def chains_of(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The chains that take part in any of the named responses, in the order of `CHAINS`."""
-    return tuple(chain for chain in CHAINS if any(chain in RESPONSES[name].chains for name in names))

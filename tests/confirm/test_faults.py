@@ -22,10 +22,9 @@ from freqrail.confirm.run import prepare_run
 from freqrail.model import band as the_band
 from freqrail.model import spectrum as model_spectrum
 from freqrail.model.responses import RESPONSES
-from freqrail.reduction import chain_columns, chains
 from freqrail.result import confirmation
 from freqrail.result.verdicts import CONFIRMED, NOT_CHECKED, OUTSIDE
-from freqrail.solver import problem, quadrature, residues
+from freqrail.solver import block_lags, block_residues, block_response, problem
 from freqrail.solver import solve as solver_solve
 
 pytestmark = pytest.mark.filterwarnings("ignore::freqrail.errors.FreqrailWarning")
@@ -131,26 +130,28 @@ def test_a_kernel_whose_rms_is_off_is_seen_by_the_kernel_check(plan, simulated, 
 
 def test_a_kernel_with_two_per_cent_more_density_is_seen_by_the_kernel_check(plan, simulated, monkeypatch):
     true = model_spectrum.angular_psd
-    monkeypatch.setattr(quadrature, "angular_psd", lambda *given: 1.02 * true(*given))
+    monkeypatch.setattr(block_lags, "angular_psd", lambda *given: 1.02 * true(*given))
     assert outside(judged(plan, simulated))["kernel"] == ALL
 
 
 def test_a_lag_column_with_the_wrong_sign_is_seen_by_the_kernel_check(plan, simulated, monkeypatch):
-    true = quadrature.lag_columns
+    true = block_lags.lag_functions
 
     def turned(*given):
-        columns = true(*given)
-        columns[6] *= -1
-        return columns
+        functions = true(*given)
+        functions[-1] *= -1
+        return functions
 
-    monkeypatch.setattr(quadrature, "lag_columns", turned)
+    monkeypatch.setattr(block_lags, "lag_functions", turned)
     # below 20 Hz the wheelsets' share of it is less than what the check allows
     assert outside(judged(plan, simulated))["kernel"] == {"primary_stroke"}
 
 
 def test_a_kernel_whose_lags_are_those_of_another_speed_is_seen_by_the_kernel_check(plan, simulated, monkeypatch):
-    true = quadrature.lag_columns
-    monkeypatch.setattr(quadrature, "lag_columns", lambda vehicle, omega, speed: true(vehicle, omega, 1.01 * speed))
+    true = block_lags.lag_functions
+    monkeypatch.setattr(
+        block_lags, "lag_functions", lambda reduction, places, delay: true(reduction, places, delay / 1.01)
+    )
     assert outside(judged(plan, simulated))["kernel"] == ALL
 
 
@@ -172,14 +173,14 @@ def test_a_closed_form_that_is_off_is_seen_by_the_whole_axis_check(whole, monkey
     run = prepare_run(whole, **QUICK, band="0.5:10 Hz")
     simulated = [simulation.examine(point, one) for point, one in zip(run.points, run.setups, strict=True)]
     assert outside(judged(run, simulated)) == {}
-    true = residues.whole_axis_mean_squares
+    true = block_residues.whole_axis_mean_squares
 
     def off(*given):
         found = true(*given)
         return {name: replace(square, value=1.002 * square.value) for name, square in found.items()}
 
     with monkeypatch.context() as patch:
-        patch.setattr(residues, "whole_axis_mean_squares", off)
+        patch.setattr(block_residues, "whole_axis_mean_squares", off)
         assert outside(judged(run, simulated))["whole_axis"] == ALL
     with monkeypatch.context() as patch:  # the other side: states that vary too much
         solved = crosschecks.solve_sylvester
@@ -192,22 +193,10 @@ def test_a_closed_form_that_is_off_is_seen_by_the_whole_axis_check(whole, monkey
 
 @pytest.mark.parametrize("factor", [1.01, 1 + 1e-3])
 def test_a_fault_in_the_ladder_is_not_seen_by_the_kernel_check_but_by_the_solver_check(plan, monkeypatch, factor):
-    """As the table of what a run would have seen says: both begin from the ladder, the simulation does not."""
-    true = chains.ladder
-
-    def softer(vehicle, chain):
-        masses, legs = true(vehicle, chain)
-        return masses, [(stiffness / factor, damping, joint) for stiffness, damping, joint in legs]
-
-    def softer_lines(vehicle, *given):
-        springs = {f"{stage}_stiffness": getattr(vehicle, f"{stage}_stiffness") / factor for stage in chains.STAGES}
-        return lines(replace(vehicle, **springs), *given)
-
-    lines = crosschecks.half_vehicle_transfer
+    """As the table of what a run would have seen says: both begin from the blocks' elimination, simulations do not."""
+    true = block_response.compliance
     plain = carry_out(plan)
-    for module in (chains, chain_columns):
-        monkeypatch.setattr(module, "ladder", softer)
-    monkeypatch.setattr(crosschecks, "half_vehicle_transfer", softer_lines)
+    monkeypatch.setattr(block_response, "compliance", lambda *given: factor * true(*given))
     found = carry_out(plan)
     told = outside(found)
     assert "kernel" not in told
