@@ -33,6 +33,7 @@ _PUBLIC = {
     "open_result": "result.netcdf",
     "write_result": "result.netcdf",
     "modes": "solver.modes",
+    "sensitivity": "sweep.sensitivity",
     "plot": "figures.plot",
     "replicate": "replication.folder",
     "FreqrailError": "errors",
@@ -49,6 +50,7 @@ __all__ = [
     "open_result",
     "plot",
     "replicate",
+    "sensitivity",
     "shipped_cases",
     "sweep",
     "write_result",
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
     from freqrail.replication.folder import replicate
     from freqrail.result.netcdf import open_result, write_result
     from freqrail.solver.modes import modes
+    from freqrail.sweep.sensitivity import sensitivity
     from freqrail.sweep.sweep import sweep
 
 

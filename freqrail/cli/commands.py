@@ -424,6 +424,53 @@ def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None
 
 
 @cli.command()
+@_CASE
+@_SET
+@_AT
+@click.option(
+    "--responses",
+    default="paper",
+    show_default=True,
+    shell_complete=completion.responses,
+    help="paper, all, or names of responses, such as bogie_acceleration,primary_stroke.",
+)
+@click.option("-o", "--output", metavar="FOLDER", help="Draw the tornado and the lines over the speeds into FOLDER.")
+@click.option("--format", "file_format", default="png", show_default=True, help="png, svg or pdf.")
+@_JSON
+def sensitivity(
+    case: str,
+    settings: Sequence[tuple[str, str]],
+    at: Sequence[str],
+    responses: str,
+    output: str | None,
+    file_format: str,
+    as_json: bool,
+) -> None:
+    """Per cent that each RMS response of CASE changes by for one per cent of each parameter, the largest first."""
+    from freqrail.case.case import load_case
+    from freqrail.cli import tables as cli_tables
+    from freqrail.sweep.sensitivity import sensitivity as elasticities
+
+    loaded = load_case(case, _once(settings, "--set"), scalars=True)
+    dataset = elasticities(loaded, _one_point(at), responses)
+    records = cli_tables.elasticity_records(dataset)
+    notes = []
+    if output is not None:
+        prepare_matplotlib()
+        from freqrail.figures.plot import plot as draw
+
+        notes = [f"wrote {path}" for path in draw(dataset, output, file_format)]
+    report(
+        {"elasticities": records},
+        as_json,
+        cli_tables.case_head(loaded),
+        "",
+        cli_tables.table(records),
+        *notes,
+    )
+
+
+@cli.command()
 @click.argument("name", required=False, shell_complete=completion.shipped)
 @_JSON
 def cases(name: str | None, as_json: bool) -> None:

@@ -23,7 +23,7 @@ from freqrail.model.spectrum import standard_deviation
 from freqrail.model.variants import TRADITIONAL, Variant
 from freqrail.model.vehicle import static_wheel_load
 from freqrail.result import confirmation
-from freqrail.result.axes import axis_label, axis_unit, first_failures, sampled, swept
+from freqrail.result.axes import axis_label, axis_unit, first_failures, point_speed, sampled, swept
 from freqrail.result.points import Point, confirmed_point
 from freqrail.result.variants import models_of
 from freqrail.solver.modes import modes
@@ -195,6 +195,30 @@ _IN_RESPONSE_UNITS = ("RMS", "rigid_joints", "smallest", "largest", "simulated",
 def _response(variable: str) -> Response:
     """The response of which a variable, of any model, is the RMS."""
     return RESPONSES[max((name for name in RESPONSES if variable.endswith(f"{name}_rms")), key=len)]
+
+
+def elasticity_records(dataset: xr.Dataset) -> list[Record]:
+    """Elasticities of every response at the point's speed and its first place, the largest parameter first."""
+    place = point_speed(dataset)
+    columns = {}
+    for name in (str(key).removesuffix("_rms_elasticity") for key in dataset if str(key).endswith("_rms_elasticity")):
+        found = dataset[f"{name}_rms_elasticity"].isel(speed=place)
+        dimension = RESPONSES[name].dimension
+        columns[f"{name} {dataset[dimension].values[0]}" if dimension else name] = (
+            found.isel({dimension: 0}) if dimension else found
+        ).values
+    largest = np.max(np.abs(np.array(list(columns.values()))), axis=0)
+    speed = f"{float(dataset['speed'][place]):g} {dataset['speed'].units}"
+    return [
+        {
+            "parameter": str(dataset["parameter"].values[k]),
+            "value": speed
+            if str(dataset["parameter"].values[k]) == "speed"
+            else str(dataset["parameter_value"].values[k]),
+            **{f"{column} %/%": round(float(values[k]), 6) for column, values in columns.items()},
+        }
+        for k in np.argsort(-np.nan_to_num(largest), kind="stable")
+    ]
 
 
 def in_shown_units(records: Sequence[Record], variants: Sequence[str] = ()) -> list[Record]:

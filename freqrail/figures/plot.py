@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from freqrail.case.file import parse_toml, to_toml
 from freqrail.case.shipped import shipped_cases
 from freqrail.errors import FileError, InputError
-from freqrail.figures import confirmations
+from freqrail.figures import confirmations, sensitivities
 from freqrail.figures.style import FORMATS, STYLE, save
 from freqrail.figures.sweeps import Drawing, drawings, stored
 from freqrail.result import manifest
@@ -86,6 +86,8 @@ def figure_count(dataset: xr.Dataset, at: Point | None = None) -> int:
 def _all_drawings(dataset: xr.Dataset, at: Point | None) -> dict[str, Callable[[], Figure]]:
     if is_confirmation(dataset):
         return confirmations.drawings(dataset, confirmed_point(dataset, at) if at else None)
+    if "parameter" in dataset.dims:
+        return sensitivities.drawings(dataset)
     if "status" not in dataset:
         raise InputError("plot: this dataset is no result of `freqrail sweep` (it has no variable status)")
     if not any(np.isfinite(v).any() for k, v in dataset.data_vars.items() if str(k).endswith("_rms")):

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from freqrail.case.parameters import PARAMETERS
 from freqrail.figures.style import BLUE, VERMILION, family, handle, legend, new_figure, panels
-from freqrail.model.responses import RESPONSES
+from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.result.axes import point_speed
 
 SHOWN = 8  # parameters whose lines are drawn, those that matter most
 LEAST = 0.005  # largest elasticity of a parameter below which a tornado leaves it out
@@ -44,8 +45,6 @@ def _title(name: str) -> str:
 
 
 def _place(name: str) -> str:
-    from freqrail.model.responses import DIMENSIONS
-
     return DIMENSIONS[RESPONSES[name].dimension].words[0]
 
 
@@ -54,20 +53,18 @@ def _symbol(name: str) -> str:
 
 
 def tornado(dataset: xr.Dataset) -> Figure:
-    """Bars of elasticities at the middle speed, the largest on top: one panel a response."""
+    """Bars of elasticities at the point's speed, the largest on top: one panel a response."""
     names = responses_of(dataset)
-    place = dataset.sizes["speed"] // 2
+    place = point_speed(dataset)
     speed = float(dataset["speed"][place])
     figure = new_figure(
         0.7 + 2.3 * -(-len(names) // 2), head=[str(dataset.attrs["title"]), f"at {speed:g} {dataset['speed'].units}"]
     )
     for ax, name in zip(panels(figure, [_title(name) for name in names]), names, strict=True):
-        values = at_first_label(dataset, name).isel(speed=place)
-        values = values[np.abs(values).values >= LEAST]
-        values = values[np.argsort(np.abs(values.values), kind="stable")]
-        colours = [BLUE if v > 0 else VERMILION for v in values.values]
-        ax.barh(range(values.size), values.values, color=colours)
-        ax.set_yticks(range(values.size), [_symbol(str(p)) for p in values["parameter"].values])
+        values = at_first_label(dataset, name).isel(speed=place).values
+        order = [k for k in np.argsort(np.abs(values), kind="stable") if abs(values[k]) >= LEAST]
+        ax.barh(range(len(order)), values[order], color=[BLUE if values[k] > 0 else VERMILION for k in order])
+        ax.set_yticks(range(len(order)), [_symbol(str(dataset["parameter"].values[k])) for k in order])
         ax.axvline(0.0, color="0.3", linewidth=0.8)
         ax.set_xlabel("per cent of the RMS for one per cent")
     return figure

@@ -49,7 +49,8 @@ class Response:
     reports.
 
     What they are in these families, which tests hold the blocks against: element, "car", "bogie", "wheelset"
-    (displacements), "secondary" or "primary" (elongations); derivative: 2 for an acceleration, 0 for a stroke; chains: those that take part;
+    (displacements), "secondary" or "primary" (elongations); derivative: 2 for an acceleration, 0 for a stroke;
+    chains: those that take part;
     signs: (sigma, rho) a label of the dimension, with sigma = +1 in front, 0 at the centre and -1 at the rear, rho = +1
     at the leading and -1 at the trailing axle of a bogie; arm: the length (a field of `Vehicle`) that turns the
     displacement over a leg into an angle, "" for none.

@@ -100,3 +100,12 @@ def largest_error(dataset: xr.Dataset) -> float:
     """The largest relative error estimate among all RMS values of a result; nan if there are none."""
     errors = [v.values for k, v in dataset.data_vars.items() if str(k).endswith("_rms_relative_error")]
     return max((float(np.nanmax(e)) for e in errors if np.isfinite(e).any()), default=math.nan)
+
+
+POINT_SPEED = "point_speed"
+"""Attribute of a dataset of elasticities: the speed of the point that is asked for, in the coordinate's unit."""
+
+
+def point_speed(dataset: xr.Dataset) -> int:
+    """Index of the speed of a dataset of elasticities that is nearest to its point's."""
+    return int(np.argmin(np.abs(dataset["speed"].values - dataset.attrs[POINT_SPEED])))

@@ -17,6 +17,7 @@ from freqrail.case.parameters import PARAMETERS, meaning
 from freqrail.errors import InputError
 from freqrail.model.elements import Values
 from freqrail.model.responses import RESPONSES
+from freqrail.result.axes import POINT_SPEED
 from freqrail.result.labels import attributes, coordinate, position_coordinates
 from freqrail.result.layout import response_names
 from freqrail.result.points import Point
@@ -89,7 +90,8 @@ def sensitivity(
         **coordinate(speeds),
         **position_coordinates(used),
     }
-    return xr.Dataset(variables, coordinates, attributes(one, "sensitivity"))
+    own: dict[str, Any] = {POINT_SPEED: parse_axis(PARAMETERS["speed"], one.quantities["speed"].text).values[0]}
+    return xr.Dataset(variables, coordinates, attributes(one, "sensitivity") | own)
 
 
 def _at(case: Case, point: Point) -> tuple[Case, Axis]:
