@@ -21,11 +21,11 @@ from freqrail.confirm.labels import label
 from freqrail.confirm.run import prepare_run
 from freqrail.model import band as the_band
 from freqrail.model import spectrum as model_spectrum
+from freqrail.model.elements import Spring
 from freqrail.model.responses import RESPONSES
-from freqrail.reduction import chain_columns, chains
 from freqrail.result import confirmation
 from freqrail.result.verdicts import CONFIRMED, NOT_CHECKED, OUTSIDE
-from freqrail.solver import problem, quadrature, residues
+from freqrail.solver import block_lags, block_residues, block_response, problem
 from freqrail.solver import solve as solver_solve
 
 pytestmark = pytest.mark.filterwarnings("ignore::freqrail.errors.FreqrailWarning")
@@ -131,26 +131,29 @@ def test_a_kernel_whose_rms_is_off_is_seen_by_the_kernel_check(plan, simulated, 
 
 def test_a_kernel_with_two_per_cent_more_density_is_seen_by_the_kernel_check(plan, simulated, monkeypatch):
     true = model_spectrum.angular_psd
-    monkeypatch.setattr(quadrature, "angular_psd", lambda *given: 1.02 * true(*given))
+    monkeypatch.setattr(block_lags, "angular_psd", lambda *given: 1.02 * true(*given))
     assert outside(judged(plan, simulated))["kernel"] == ALL
 
 
-def test_a_lag_column_with_the_wrong_sign_is_seen_by_the_kernel_check(plan, simulated, monkeypatch):
-    true = quadrature.lag_columns
+def test_a_lag_function_with_the_wrong_sign_is_seen_by_the_kernel_check(plan, simulated, monkeypatch):
+    """That of the bogies' pitch beside what moves a bogie and a wheelset alike: two products of scalars have it."""
+    true = block_lags.lag_functions
 
-    def turned(*given):
-        columns = true(*given)
-        columns[6] *= -1
-        return columns
+    def turned(reduction, *given):
+        functions = true(reduction, *given)
+        shared = {column.lag for column in reduction.columns["primary_stroke"] if len(column.powers) == 2}
+        (k,) = shared
+        functions[k] *= -1
+        return functions
 
-    monkeypatch.setattr(quadrature, "lag_columns", turned)
+    monkeypatch.setattr(block_lags, "lag_functions", turned)
     # below 20 Hz the wheelsets' share of it is less than what the check allows
     assert outside(judged(plan, simulated))["kernel"] == {"primary_stroke"}
 
 
 def test_a_kernel_whose_lags_are_those_of_another_speed_is_seen_by_the_kernel_check(plan, simulated, monkeypatch):
-    true = quadrature.lag_columns
-    monkeypatch.setattr(quadrature, "lag_columns", lambda vehicle, omega, speed: true(vehicle, omega, 1.01 * speed))
+    true = block_lags.lag_functions
+    monkeypatch.setattr(block_lags, "lag_functions", lambda of, places, delay: true(of, places, delay / 1.01))
     assert outside(judged(plan, simulated))["kernel"] == ALL
 
 
@@ -172,14 +175,14 @@ def test_a_closed_form_that_is_off_is_seen_by_the_whole_axis_check(whole, monkey
     run = prepare_run(whole, **QUICK, band="0.5:10 Hz")
     simulated = [simulation.examine(point, one) for point, one in zip(run.points, run.setups, strict=True)]
     assert outside(judged(run, simulated)) == {}
-    true = residues.whole_axis_mean_squares
+    true = block_residues.whole_axis_mean_squares
 
     def off(*given):
         found = true(*given)
         return {name: replace(square, value=1.002 * square.value) for name, square in found.items()}
 
     with monkeypatch.context() as patch:
-        patch.setattr(residues, "whole_axis_mean_squares", off)
+        patch.setattr(block_residues, "whole_axis_mean_squares", off)
         assert outside(judged(run, simulated))["whole_axis"] == ALL
     with monkeypatch.context() as patch:  # the other side: states that vary too much
         solved = crosschecks.solve_sylvester
@@ -191,23 +194,16 @@ def test_a_closed_form_that_is_off_is_seen_by_the_whole_axis_check(whole, monkey
 
 
 @pytest.mark.parametrize("factor", [1.01, 1 + 1e-3])
-def test_a_fault_in_the_ladder_is_not_seen_by_the_kernel_check_but_by_the_solver_check(plan, monkeypatch, factor):
-    """As the table of what a run would have seen says: both begin from the ladder, the simulation does not."""
-    true = chains.ladder
+def test_a_fault_in_the_blocks_is_not_seen_by_the_kernel_check_but_by_the_solver_check(plan, monkeypatch, factor):
+    """As the table of what a run would have seen says: both begin from the blocks, the simulation does not."""
+    true = block_response.compliance
 
-    def softer(vehicle, chain):
-        masses, legs = true(vehicle, chain)
-        return masses, [(stiffness / factor, damping, joint) for stiffness, damping, joint in legs]
+    def softer(law, *given):
+        """Legs that give way more; the contact is a spring alone."""
+        return true(law, *given) if isinstance(law, Spring) else np.multiply(factor, true(law, *given))
 
-    def softer_lines(vehicle, *given):
-        springs = {f"{stage}_stiffness": getattr(vehicle, f"{stage}_stiffness") / factor for stage in chains.STAGES}
-        return lines(replace(vehicle, **springs), *given)
-
-    lines = crosschecks.half_vehicle_transfer
     plain = carry_out(plan)
-    for module in (chains, chain_columns):
-        monkeypatch.setattr(module, "ladder", softer)
-    monkeypatch.setattr(crosschecks, "half_vehicle_transfer", softer_lines)
+    monkeypatch.setattr(block_response, "compliance", softer)
     found = carry_out(plan)
     told = outside(found)
     assert "kernel" not in told
