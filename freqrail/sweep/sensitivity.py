@@ -90,8 +90,8 @@ def sensitivity(
         **coordinate(speeds),
         **position_coordinates(used),
     }
-    own: dict[str, Any] = {POINT_SPEED: parse_axis(PARAMETERS["speed"], one.quantities["speed"].text).values[0]}
-    return xr.Dataset(variables, coordinates, attributes(one, "sensitivity") | own)
+    here = parse_axis(PARAMETERS["speed"], one.quantities["speed"].text).values[0]
+    return xr.Dataset(variables, coordinates, attributes(one, "sensitivity") | {POINT_SPEED: float(here)})
 
 
 def _at(case: Case, point: Point) -> tuple[Case, Axis]:
