@@ -182,7 +182,7 @@ def read_csv(path: str | os.PathLike[str], folder: Path | None = None) -> Sample
 
     The head has a column a parameter, with its unit: `primary_joint_stiffness [MN/m]`; a column `name` names samples.
     """
-    label = str(path)
+    label = str(path) or "."
     text = _text(Path(folder or ".", path), label)
     rows = csv.reader(io.StringIO(text, newline=""), strict=True)
     faults = _Faults()
@@ -230,6 +230,8 @@ def _text(path: Path, label: str) -> str:
         data = files.read(path, LARGEST_FILE + 1)
     except (OSError, ValueError) as fault:
         raise InputError(f"{label}: cannot be read: {getattr(fault, 'strerror', None) or fault}") from None
+    if data.startswith((b"\x89HDF", b"CDF")):
+        raise InputError(f"{label}: is a NetCDF file, a CSV file of samples is expected")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(f"{label}: is UTF-16 text, a table of samples is UTF-8: save it anew with that encoding")
     if b"\0" in data:

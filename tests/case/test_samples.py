@@ -140,6 +140,7 @@ def test_one_row_is_a_table(csv):
         ("bogie_mass [kg]\nnan\n", "designs.csv: line 2: bogie_mass: nan is not a number"),
         ("bogie_mass [kg]\ninf\n", "designs.csv: line 2: bogie_mass: inf is not allowed here"),
         ("bogie_mass [kg]\n1e400\n", "designs.csv: line 2: bogie_mass: a number beyond what double precision holds"),
+        ("primary_damping [yN*s/m]\n1e-305\n", "designs.csv: line 2: primary_damping: a number beyond what double"),
         ("bogie_mass [kg]\n600\n0\n", "designs.csv: line 3: bogie_mass: must be greater than 0 kg"),
         ("primary_joint_stiffness [N/m]\n0\n", "designs.csv: line 2: primary_joint_stiffness: must be at least 1 N/m"),
         ("name,bogie_mass [kg]\na,1\na,2\n", "designs.csv: line 3: name: 'a' is the name of sample 1 too"),

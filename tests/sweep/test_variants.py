@@ -84,10 +84,18 @@ def test_a_file_in_parts_has_the_same_bits(case, result, tmp_path, monkeypatch):
 
 
 def test_a_journal_of_other_variants_is_of_another_sweep(case):
-    identities = {
-        sweep._identity(plan, parts.cut(plan)) for plan in (Plan.of(case), Plan.of(replace(case, variants=DEFAULT)))
-    }
-    assert len(identities) == 2
+    softer = replace(STIFF, values={**STIFF.values, "primary_joint_stiffness": 39e6})
+    plans = [Plan.of(replace(case, variants=variants)) for variants in ((STIFF, HEAVY), (softer, HEAVY))]
+    assert parts.cut(plans[0]) == parts.cut(plans[1])
+    assert len({sweep._identity(plan, parts.cut(plan)) for plan in plans}) == 2
+
+
+def test_a_number_that_a_variant_fixes_is_no_coordinate_of_its_variables(tmp_path):
+    light = Variant("light", "light wheelsets", {"wheelset_mass": 600.0})
+    found = freqrail.sweep(replace(load_case("yu-damper-joint", over={"speed": "200 km/h"}), variants=(light,)))
+    with xr.open_dataset(freqrail.write_result(found, tmp_path / "o.nc"), decode_coords=False) as raw:
+        named = [raw[f"{prefix}bogie_acceleration_rms"].attrs["coordinates"].split() for prefix in ("", "light_")]
+    assert {*named[0]} - {*named[1]} == {"wheelset_mass"}
 
 
 def without_attribute(dataset, name):
