@@ -18,7 +18,7 @@ from tests import contours
 from tests.independent import density
 from tests.plain_vehicles import KINDS, Plain, as_system, dense_matrices, dense_rows, places
 
-POINTS, RADIUS = 4, 1e-4  # of Cauchy's circle, relative to the parameter: a law may have its pole near by
+POINTS, RADIUS = 4, 1e-5  # of Cauchy's circle, relative to the parameter: a law may have its pole near by
 Slopes = dict[str, np.ndarray]
 SPEED = "speed"
 

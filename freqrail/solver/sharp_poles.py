@@ -8,9 +8,8 @@ s; of the slope of a peak, whose halves cancel, 1/zeta times as much is left. Bu
 with U [unknowns, m] an orthonormal basis of what M spans, Q = M U*, S = U^H Q and T S = U^H M_1 U*, M_1 being the
 integral of s K^-1 (of the kind of W.-J. Beyn, "An integral method for solving nonlinear eigenvalue problems", Linear
 Algebra Appl. 436 (2012)). Unknowns that hardly move keep their digits in Q. The nodes lie on the circle, far from the
-poles, where nothing is lost, so that rounding leaves one and the same error for all s; the eigenvalues of T are
-replaced by the poles of `solver.block_poles`, whose real parts come from the energy. Poles may lie as close to each
-other as they will.
+poles, where nothing is lost, so that rounding leaves one and the same error for all s. Poles may lie as close to each
+other as they will; of a single one T is that of `solver.block_poles`, whose real part comes from the energy.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ RADIUS, AROUND = 0.4, 64  # of the circle that K^-1 is read on, relative to the 
 ROOM = 16.0  # at least so many distances from the axis
 WIDE = 0.02  # and so much of the poles' frequency, if other poles may be taken into it for that
 MOST = 12  # poles in a circle
-SOUND = 1e6  # condition of T's eigenvectors up to which its eigenvalues are replaced
-APART, POINTS = 2.5, 96  # what is outside of a circle around poles over what is inside, at least, and its nodes
-FEW = 1.0 / 9  # of the way to what is outside: radius of a circle around a single pole, squared
+APART = 2.5  # what is outside of a circle around poles over what is inside, at least
+FEW = 1.0 / 9  # the same the other way round, where poles are as good as one
+POINTS = {True: 48, False: 96}  # nodes on a circle, for few poles and for more
 
 
 @dataclass(frozen=True)
@@ -124,30 +123,16 @@ def _around(
     q = zeroth @ np.conj(span)
     s_inverse = np.linalg.inv(np.conj(span.T) @ q)
     found = (np.conj(span.T) @ first @ np.conj(span)) @ s_inverse
+    if poles.size == 1:  # its real part is better known than that
+        found = np.zeros((1, 1))
     return LocalInverse(
         centre,
         radius,
         np.asarray(q @ s_inverse * scale[:, None], complex),
-        _with_eigenvalues(found, poles - centre),
+        np.asarray(found, complex),
         np.asarray(q.T * scale, complex),
         np.asarray(inverse * np.outer(scale, scale), complex),
     )
-
-
-def _with_eigenvalues(matrix: Complex, known: Complex) -> Complex:
-    """A matrix [m, m] with its eigenvalues replaced by those known, each by one near to it."""
-    if len(matrix) == 1:
-        return known.reshape(1, 1)
-    values, vectors = np.linalg.eig(matrix)
-    if not np.linalg.cond(vectors) < SOUND:
-        return matrix
-    rest = list(range(known.size))
-    chosen = np.empty(known.size, complex)
-    for k, value in enumerate(values):
-        nearest = min(rest, key=lambda place: abs(complex(known[place] - value)))
-        rest.remove(nearest)
-        chosen[k] = known[nearest]
-    return np.asarray((vectors * chosen) @ np.linalg.inv(vectors))
 
 
 @dataclass(frozen=True)
@@ -156,10 +141,11 @@ class Circle:
 
     centre: complex
     radius: float
+    points: int
 
     def offsets(self) -> Complex:
-        """Of its nodes from the centre: [POINTS], every second one a node of the rule with half as many."""
-        turn = _turns(POINTS)
+        """Of its nodes from the centre: first those of the rule with half as many."""
+        turn = _turns(self.points)
         return np.asarray(self.radius * np.concatenate([turn[::2], turn[1::2]]), complex)
 
 
@@ -183,7 +169,8 @@ def circles(poles: Complex, others: Complex) -> list[Circle] | None:
                 clusters[min(number, other)] = clusters[number] + clusters[other]
                 del clusters[max(number, other)]
                 break
-            found.append(Circle(centre, float(np.sqrt(max(inner, FEW * outer) * outer))))
+            radius = float(np.sqrt(max(inner, FEW * outer) * outer))
+            found.append(Circle(centre, radius, POINTS[inner <= FEW * outer]))
         else:
             return found
 

@@ -22,7 +22,16 @@ from freqrail.solver.block_slopes import check_wanted
 from freqrail.solver.gradients import mean_square_gradients
 from freqrail.solver.lag_slopes import SPEED
 from freqrail.solver.quadrature import EPSILON, ROUNDING, MeanSquare
-from freqrail.solver.whole_axis_nodes import TRIED, Above, Poles, nodes_along, nodes_around, speed_groups, way_of
+from freqrail.solver.whole_axis_nodes import (
+    TRIED,
+    Above,
+    Poles,
+    nodes_along,
+    nodes_around,
+    speed_groups,
+    way_of,
+    with_poles_moved,
+)
 from freqrail.types import Number
 
 Array = NDArray[np.float64]
@@ -140,12 +149,9 @@ def _around(
 ) -> Gradients:
     """What a vehicle's poles above its way add. The error is that of the rule, and what rounding of the poles makes."""
     rounding = 8 * EPSILON * (1 + above.nearness)
-    found, beside = (
-        mean_square_gradients(
-            reduction, values, nodes_around(each, reduction, values, spectrum, speed, wanted), wanted, rounding
-        )
-        for each in (above, above.moved())
-    )
+    nodes = list(nodes_around(above, reduction, values, spectrum, speed, wanted))
+    found = mean_square_gradients(reduction, values, nodes, wanted, rounding)
+    beside = mean_square_gradients(reduction, values, with_poles_moved(nodes, above), wanted, rounding)
     known = SAFETY * EPSILON * above.sharpness / TRIED
     return {
         output: {

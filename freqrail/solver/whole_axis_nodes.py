@@ -157,14 +157,28 @@ def nodes_around(
         for some in (slice(0, half), slice(half, None)):
             own = offset[some]
             omega = (circle.centre + own) / 1j
-            mirrored = inverses_at(above.local, -np.conj(circle.centre), -np.conj(own))
-            inverses = (
-                inverses_at(above.local, circle.centre, own),
-                {block: np.conj(inverse) for block, inverse in mirrored.items()},
-            )
+            inverses = _inverses(above, circle, own)
             weights = 2 * np.pi * own / offset.size
             functions = _functions(reduction, values, spectrum, omega[:, None], speed, wanted)
             yield _weighted(functions, omega, weights, 2 * weights if some.start == 0 else None, inverses)
+
+
+def with_poles_moved(nodes: Sequence[GradientNodes], above: Above) -> Iterator[GradientNodes]:
+    """Nodes of `nodes_around` a vehicle's poles, with inverses of those poles moved."""
+    moved, rest = above.moved(), iter(nodes)
+    for circle in above.circles:
+        offset = circle.offsets()
+        for own in (offset[: offset.size // 2], offset[offset.size // 2 :]):
+            yield replace(next(rest), inverses=_inverses(moved, circle, own))
+
+
+def _inverses(above: Above, circle: Circle, offset: Complex) -> tuple[dict[int, Complex], dict[int, Complex]]:
+    """K^-1 by block at s and at -s, which is the conjugate of that at -s*."""
+    mirrored = inverses_at(above.local, -np.conj(circle.centre), -np.conj(offset))
+    return (
+        inverses_at(above.local, circle.centre, offset),
+        {block: np.conj(inverse) for block, inverse in mirrored.items()},
+    )
 
 
 def _weighted(

@@ -299,6 +299,27 @@ def test_names_that_are_none_and_nodes_without_weights_are_refused():
             gradients.mean_square_gradients(found, VALUES, nodes, (name,))
 
 
+# --- scalars -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["front and rear differ", "three axles, off centre", "laws with inerters"])
+def test_a_block_solved_by_lapack_has_the_slopes_of_its_elimination(kind):
+    """At any complex s."""
+    plain = MAKERS[kind](np.random.default_rng(50))
+    system = as_system(plain)
+    found = reduce(system, outputs_of(plain), lengths_free(plain.values, system.parameters))
+    s = np.array([3 + 20j, -4 + 150j, 9j])
+    one, other = (
+        block_slopes.slopes(found, plain.values, s, s**2, system.parameters, exact)
+        for exact in (frozenset(), frozenset(range(len(found.blocks))))
+    )
+    for k, slopes in enumerate(one.slopes):
+        np.testing.assert_allclose(other.scalars[k], one.scalars[k], rtol=1e-8)
+        for name, slope in slopes.items():
+            size = np.abs(one.scalars[k] / plain.values[name])
+            assert np.all(np.abs(other.slopes[k][name] - slope) < 1e-8 * (np.abs(slope) + size))
+
+
 # --- limits ------------------------------------------------------------------------------------------
 
 
