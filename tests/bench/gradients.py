@@ -8,21 +8,33 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+import freqrail
+from freqrail.model.band import Band
 from freqrail.model.half_vehicle import half_vehicle, outputs
+from freqrail.model.responses import PAPER
 from freqrail.reduction.columns import reduce
 from freqrail.solver import block_lags, panels, quadrature
 from freqrail.solver.block_quadrature import mean_squares
 from freqrail.solver.block_slopes import lengths_free
 from freqrail.solver.gradients import mean_square_gradients
 from freqrail.solver.lag_slopes import SPEED, gradient_nodes
-from freqrail.solver.problem import cells, cut
+from freqrail.solver.problem import Problem, cells, half_vehicle_problem
 from freqrail.solver.whole_axis_gradients import whole_axis_gradients
-from tests.bench.kernel import paper_study
 
 BLOCK, BLOCKS = 128, 4
+
+
+def paper_study(count: int) -> Problem:
+    """The paper's vehicle with count x count joints, 0.5 to 100 MN/m, at a hundred speeds, 0.1 to 100 Hz."""
+    case = freqrail.load_case("yu-damper-joint")
+    joints = np.geomspace(0.5e6, 100e6, count)
+    vehicle = replace(case.vehicle, primary_joint_stiffness=joints[:, None], secondary_joint_stiffness=joints)
+    speed = np.linspace(100, 300, 100) / 3.6
+    return half_vehicle_problem(vehicle, speed, case.spectrum, Band("frequency", 0.1, 100.0), PAPER)
 
 
 def timed(*runs: Callable[[], object]) -> list[float]:
@@ -40,9 +52,9 @@ def main() -> None:
     study = paper_study(32)
     shared = panels.shared_panels(study)[0]
     rule = quadrature.quadrature(shared.edges)
-    values, system, some = vars(study.vehicle), half_vehicle(), outputs()[:4]
+    values, system, some = study.values, half_vehicle(), outputs()[:4]
     one = {name: float(np.ravel(v)[0]) for name, v in values.items()}
-    parts = [cut(study.vehicle, cell) for cell in cells(study.vehicle.shape, BLOCK)][:BLOCKS]
+    parts = [study.cut(cell).values for cell in cells(study.vehicles, BLOCK)][:BLOCKS]
     points = BLOCK * BLOCKS * study.speed.size
     plain = reduce(system, some, values)
     at = study.spectrum, rule, study.speed, study.limits
@@ -50,7 +62,7 @@ def main() -> None:
 
     def alone() -> None:
         for part in parts:
-            mean_squares(plain, vars(part), weighted, shared.rounding_errors)
+            mean_squares(plain, part, weighted, shared.rounding_errors)
 
     for wanted in (system.parameters, (*system.parameters, SPEED)):
         found = reduce(system, some, lengths_free(values, wanted))
@@ -58,7 +70,7 @@ def main() -> None:
 
         def gradients(found=found, nodes=nodes, wanted=wanted) -> None:  # type: ignore[no-untyped-def]
             for part in parts:
-                mean_square_gradients(found, vars(part), nodes, wanted, shared.rounding_errors)
+                mean_square_gradients(found, part, nodes, wanted, shared.rounding_errors)
 
         before, after = timed(alone, gradients)
         print(
@@ -67,7 +79,7 @@ def main() -> None:
         )
     wanted = (*system.parameters, SPEED)
     found = reduce(system, some, lengths_free(values, wanted))
-    vehicles = vars(cut(study.vehicle, (slice(0, 32, 4), slice(None))))
+    vehicles = study.cut((slice(0, 32, 4), slice(None))).values
     for together, own in ((True, vehicles), (False, one)):
         start = time.process_time()
         whole_axis_gradients(found, own, study.spectrum, study.speed, wanted, together)
