@@ -57,7 +57,7 @@ def test_every_explanation_is_read_and_none_twice():
     read = {module: mutation.explained(EXPLANATIONS, module) for module in mutation.TESTS}
     listed = [line for line in EXPLANATIONS.partition("## Survivors explained")[2].splitlines() if line[:2] == "- "]
     count = sum(1 + line.split(": `")[0].count(" | ") for line in listed)
-    assert sum(map(len, read.values())) == count > 100
+    assert sum(map(len, read.values())) == count > 50
     assert all(len(set(each)) == len(each) for each in read.values())
 
 
