@@ -249,6 +249,16 @@ def test_rigid_joints_on_an_axis_with_others_have_the_same_bits_in_any_block(pap
     assert all(identical(solved[0], other) for other in solved[1:])
 
 
+@pytest.mark.parametrize("band", BANDS)
+@pytest.mark.parametrize("length", ["half_bogie_spacing", "half_wheelbase"])
+def test_lengths_on_an_axis_have_the_same_bits_in_any_block(paper_vehicle, monkeypatch, length, band):
+    """Where the wheels stand is a vehicle's own, whoever is in its block."""
+    lengths = getattr(paper_vehicle, length) * np.array([0.9, 1.0, 1.2])
+    many = replace(paper_vehicle, primary_joint_stiffness=np.array([[5e6], [1e8]]), **{length: lengths})
+    solved = [in_blocks_of(block, monkeypatch, many, np.array([30.0, 60.0]), band)[0] for block in (1, 2, 6)]
+    assert all(identical(solved[0], other) for other in solved[1:])
+
+
 @pytest.mark.parametrize("together", [1, 5])
 def test_vehicles_with_nodes_of_their_own_have_the_same_bits_in_any_company(table_i, monkeypatch, together):
     """Their resonances are found for some at a time."""
