@@ -98,13 +98,15 @@ def distances_of(reduction: Reduction, values: Values) -> Distances:
             turned = np.where(odd, np.sign(x)[..., None], 1.0)
             factors = np.broadcast_to(factors, (*turned.shape[:-1], *factors.shape[-2:])).copy()
             factors[..., k] *= turned
+    # of the forms, so that a sum holds for all vehicles, whoever is in company
+    turned = {k for k, x in enumerate(reduction.lengths.evaluate(forms, values)) if np.any(np.less(x, 0))}
     sums: dict[int, tuple[int, int]] = {}
-    size = [float(np.max(x)) for x in d]
-    order = sorted(range(len(d)), key=size.__getitem__)
-    for place, k in enumerate(order if all(np.ndim(x) == 0 for x in d) else []):
+    size = [float(np.sum(np.abs(form))) for form in forms]
+    order = [k for k in sorted(range(len(forms)), key=size.__getitem__) if k not in turned]
+    for place, k in enumerate(order):
         below = [i for i in order[:place] if size[i] > 0]
         pairs = [(i, j) for i in below if i not in sums for j in below]
-        same = [(i, j) for i, j in pairs if abs(size[i] + size[j] - size[k]) <= 4 * EPSILON * size[k]]
+        same = [(i, j) for i, j in pairs if np.all(np.abs(forms[i] + forms[j] - forms[k]) <= 4 * EPSILON * size[k])]
         if same:
             sums[k] = same[0]
     return Distances(d, factors, sums)
