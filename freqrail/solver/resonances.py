@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from freqrail.model.elements import Values
 from freqrail.reduction.columns import Reduction
-from freqrail.solver.block_poles import Expansion, expansion
+from freqrail.solver.block_poles import UNSURE, Expansion, expansion
 from freqrail.solver.block_response import parts_of, used
 from freqrail.solver.closed_form import FAR, LIGHT
 from freqrail.solver.frozen_laws import resonances_frozen
@@ -128,12 +128,18 @@ def _told(
 def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sample: bool) -> NDArray[np.bool_]:
     """Whether a block's poles are known, [grid..., k]; what does not oscillate is no peak."""
     known = ~each.lost | (each.poles.imag == 0)
-    shape = each.raw.shape[:-1]
     for place in np.argwhere(np.any(is_lost(each.raw), axis=-1)):
         at = tuple(map(int, place))
-        own = {name: float(np.broadcast_to(v, shape)[at]) if np.ndim(v) else v for name, v in values.items()}
+        own = {name: _number_at(v, at) for name, v in values.items()}
         known[at] &= not sample and _complete(reduction, index, own, _all_of(each, at))
     return known
+
+
+def _number_at(value: Number, at: tuple[int, ...]) -> float:
+    """A value of the vehicle at an index of a block's grid, which has all axes, those that it does not feel of length 1."""
+    array = np.asarray(value)
+    own = zip(at[len(at) - array.ndim :], array.shape, strict=True)
+    return float(array[tuple(k if n > 1 else 0 for k, n in own)])
 
 
 def is_lost(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
@@ -143,8 +149,13 @@ def is_lost(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
 
 
 def _all_of(each: Expansion, at: tuple[int, ...]) -> NDArray[np.complex128]:
-    """All poles [n] of a vehicle: polished, with their conjugates, and the far ones as computed."""
+    """All poles [n] of a vehicle: polished, with their conjugates; the far ones, and others that are not, as computed.
+
+    Beside a leg's own pole, where its stiffness is infinite, a pole that does not oscillate may escape the polishing.
+    """
     weight, p, raw = each.weight[at], each.poles[at], each.raw[at]
+    computed = raw[np.argmin(np.abs(raw - p[:, None]), axis=-1)]
+    p = np.where((p.imag == 0) & ~(each.shift[at] < UNSURE), computed, p)
     far = raw[(np.abs(raw) >= FAR) & (np.abs(raw + 2 * FAR) > 1e-6 * FAR)]
     return np.concatenate([p[weight > 0], np.conj(p[weight > 1]), far[np.abs(far.imag) <= LIGHT * np.abs(far)]])
 
