@@ -192,3 +192,14 @@ class AxisReference:
                 result[key] = result[key] + self._total(here_slopes[key], there[key], lag)
                 result[key] = result[key] + self._total(x, there_slopes[key], lag)
         return result
+
+
+def euler_sums(shares: dict[str, np.ndarray], speed: str) -> list[list[np.ndarray]]:
+    """Shares p d/dp of what has kilograms in its unit, and of what has seconds as often as it has: sums that vanish."""
+    kilograms = [share for name, share in shares.items() if not name.startswith("half_") and name != speed]
+    seconds = [
+        share * (2 if name.endswith("stiffness") else 1)
+        for name, share in shares.items()
+        if name.endswith(("stiffness", "damping")) or name == speed
+    ]
+    return [kilograms, seconds]

@@ -21,6 +21,7 @@ from typing import Any
 import click
 
 from freqrail.cli import completion
+from freqrail.cli.options import AT, CASE, JSON, RESPONSES, RESULT, SET, Assignment, once, one_point
 from freqrail.cli.process import check_memory_limit, is_out_of_memory, prepare_matplotlib, take_over
 from freqrail.cli.terminal import guarded, program, progress, report, tell
 from freqrail.errors import FreqrailWarning, InputError, NumericalError
@@ -28,41 +29,6 @@ from freqrail.text import counted
 from freqrail.version import __version__
 
 PLOT_FORMATS = ("png", "svg", "pdf")
-
-
-class _Assignment(click.ParamType):
-    """An option value of the form NAME=VALUE."""
-
-    name = "NAME=VALUE"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
-        if isinstance(value, tuple):
-            return value
-        name, equals, text = (part.strip() for part in str(value).partition("="))
-        if not equals or not name:
-            self.fail(f'must be written NAME=VALUE, as in "speed=250 km/h" (got "{value}")', param, ctx)
-        return name, text
-
-
-_CASE = click.argument("case", metavar="CASE", shell_complete=completion.case)
-_RESULT = click.argument("result", metavar="RESULT.nc", shell_complete=completion.result)
-_SET = click.option(
-    "--set",
-    "settings",
-    type=_Assignment(),
-    multiple=True,
-    shell_complete=completion.setting,
-    help='Change a scalar: --set "bogie_mass=650 kg", "frequency=0.5:80 Hz" or "band=none".',
-)
-_AT = click.option(
-    "--at",
-    metavar="POINT",
-    multiple=True,
-    shell_complete=completion.point,
-    help='A point: --at "speed=250 km/h, primary_joint_stiffness=5 MN/m"; what it leaves out takes the case\'s own '
-    "value. One that is not on the grid is computed anew.",
-)
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -76,11 +42,11 @@ def cli() -> None:
 
 
 @cli.command()
-@_CASE
+@CASE
 @click.option("-o", "--output", metavar="OUT.nc", help="Where to write; results/CASE.nc unless given.")
 @click.option(
     "--over",
-    type=_Assignment(),
+    type=Assignment(),
     metavar="NAME=AXIS",
     multiple=True,
     shell_complete=completion.axis,
@@ -92,14 +58,8 @@ def cli() -> None:
     type=click.Path(),
     help='Vary several quantities together: a CSV file with a column each, headed by name and unit: "bogie_mass [kg]".',
 )
-@_SET
-@click.option(
-    "--responses",
-    default="paper",
-    show_default=True,
-    shell_complete=completion.responses,
-    help="paper, all, or names of responses, such as bogie_acceleration,primary_stroke.",
-)
+@SET
+@RESPONSES
 @click.option("--psd", is_flag=True, help="Store spectra too.")
 @click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file.")
@@ -108,7 +68,7 @@ def cli() -> None:
     "--jobs", type=click.IntRange(min=1), help="Threads that work on blocks; as many as processors unless given."
 )
 @click.option("--dask", metavar="ADDRESS|local", help="Send the blocks to a dask cluster: tcp://HOST:PORT, or local.")
-@_JSON
+@JSON
 def sweep(
     case: str,
     output: str | None,
@@ -125,7 +85,7 @@ def sweep(
     as_json: bool,
 ) -> None:
     """Compute the RMS responses of CASE over its grid and write them as a labelled NetCDF file."""
-    over_by_name, settings_by_name = _once(over, "--over"), _once(settings, "--set")
+    over_by_name, settings_by_name = once(over, "--over"), once(settings, "--set")
     if "frequency" in over_by_name and not psd:
         raise InputError("--over frequency: the frequency axis is that of stored spectra; add --psd")
     from freqrail.case.case import load_case
@@ -186,8 +146,8 @@ def _swept(plan: Any, target: Path, overwrite: bool, resume: bool, executor: Any
 
 
 @cli.command()
-@_RESULT
-@_AT
+@RESULT
+@AT
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @click.option("--realisations", type=int, default=8, show_default=True, help="Gaussian records a point.")
 @click.option("--duration", default="60 s", show_default=True, help="Length of a record.")
@@ -210,7 +170,7 @@ def _swept(plan: Any, target: Path, overwrite: bool, resume: bool, executor: Any
 @click.option("-o", "--output", metavar="OUT.nc", help="Where to write; RESULT-confirmation.nc unless given.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes, a point each.")
-@_JSON
+@JSON
 def confirm(
     result: str,
     at: Sequence[str],
@@ -269,7 +229,7 @@ def confirm(
 
 
 @cli.command()
-@_RESULT
+@RESULT
 @click.option("-o", "--output", metavar="FOLDER", help="Folder of the pictures; RESULT-figures unless given.")
 @click.option(
     "--format",
@@ -279,7 +239,7 @@ def confirm(
     show_default=True,
     help="Kind of picture.",
 )
-@_AT
+@AT
 def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -> None:
     """Draw a result (RMS against speed and stiffness, maps, stored spectra) or a confirmation."""
     prepare_matplotlib()
@@ -289,7 +249,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     from freqrail.sweep import off_grid
     from freqrail.sweep.plausibility import recalled
 
-    point = _one_point(at)
+    point = one_point(at)
     dataset = read_result(result)
     place = None if is_confirmation(dataset) else find_place(dataset, point)
     # what is off the grid is computed anew where a figure holds it; the rest of the figures is the result's own
@@ -307,7 +267,7 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
 @click.option(
     "-o", "--output", metavar="FOLDER", help="Folder to write or replace; results/yu-damper-joint unless given."
 )
-@_JSON
+@JSON
 def replicate(quick: bool, output: str | None, as_json: bool) -> None:
     """Redo the paper's study and judge its claims: datasets, figures and a report."""
     prepare_matplotlib()
@@ -336,10 +296,10 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
 
 @cli.command()
 @click.argument("what", metavar="CASE|RESULT.nc", shell_complete=completion.case_or_result)
-@_AT
-@_SET
+@AT
+@SET
 @click.option("--check", is_flag=True, help="Only check that a file is a whole result; safe for any file.")
-@_JSON
+@JSON
 def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], check: bool, as_json: bool) -> None:
     """Show a case with what follows from it, or a result; with --at, the numbers of one grid point."""
     if _is_result(what):
@@ -349,7 +309,7 @@ def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], chec
     elif at or check:
         raise InputError(f"{'--at' if at else '--check'}: goes with a result, not with a case (got {what})")
     else:
-        _show_case(what, _once(settings, "--set"), as_json)
+        _show_case(what, once(settings, "--set"), as_json)
 
 
 def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:
@@ -380,7 +340,7 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
     from freqrail.result.sandbox import check_result
     from freqrail.sweep import off_grid, plausibility
 
-    point = _one_point(at)
+    point = one_point(at)
     if check:
         facts = {"file": what, **check_result(what)}
         report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
@@ -410,33 +370,27 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
 
 
 @cli.command()
-@_CASE
-@_SET
-@_JSON
+@CASE
+@SET
+@JSON
 def modes(case: str, settings: Sequence[tuple[str, str]], as_json: bool) -> None:
     """Natural frequencies, damping ratios and mode shapes of CASE, with joints and with rigid ones."""
     from freqrail.case.case import load_case
     from freqrail.cli import tables as cli_tables
 
-    loaded = load_case(case, _once(settings, "--set"), scalars=True)
+    loaded = load_case(case, once(settings, "--set"), scalars=True)
     records = cli_tables.mode_records(loaded)
     report({"modes": records}, as_json, cli_tables.case_head(loaded), "", cli_tables.table(records))
 
 
 @cli.command()
-@_CASE
-@_SET
-@_AT
-@click.option(
-    "--responses",
-    default="paper",
-    show_default=True,
-    shell_complete=completion.responses,
-    help="paper, all, or names of responses, such as bogie_acceleration,primary_stroke.",
-)
+@CASE
+@SET
+@AT
+@RESPONSES
 @click.option("-o", "--output", metavar="FOLDER", help="Draw the tornado and the lines over the speeds into FOLDER.")
 @click.option("--format", "file_format", default="png", show_default=True, help="png, svg or pdf.")
-@_JSON
+@JSON
 def sensitivity(
     case: str,
     settings: Sequence[tuple[str, str]],
@@ -451,8 +405,8 @@ def sensitivity(
     from freqrail.cli import tables as cli_tables
     from freqrail.sweep.sensitivity import sensitivity as elasticities
 
-    loaded = load_case(case, _once(settings, "--set"), scalars=True)
-    dataset = elasticities(loaded, _one_point(at), responses)
+    loaded = load_case(case, once(settings, "--set"), scalars=True)
+    dataset = elasticities(loaded, one_point(at), responses)
     records = cli_tables.elasticity_records(dataset)
     notes = []
     if output is not None:
@@ -472,7 +426,7 @@ def sensitivity(
 
 @cli.command()
 @click.argument("name", required=False, shell_complete=completion.shipped)
-@_JSON
+@JSON
 def cases(name: str | None, as_json: bool) -> None:
     """List the cases that come with freqrail, or print the one called NAME."""
     from freqrail.case.case import build_case
@@ -489,15 +443,6 @@ def cases(name: str | None, as_json: bool) -> None:
         click.echo(shipped[name], nl=False)
     else:
         raise InputError(f"{name}: no shipped case of that name{suggestion(name, shipped)}")
-
-
-def _one_point(at: Sequence[str]) -> Any:
-    """The point of a single --at, None without one; these commands draw or show one point."""
-    from freqrail.result.points import parse_point
-
-    if len(at) > 1:
-        raise InputError(f"--at: given {len(at)} times; this command takes one point")
-    return parse_point(at[0]) if at else None
 
 
 def _repeat_warnings(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -520,15 +465,6 @@ def _of_points_off_the_grid(run: Any) -> list[dict[str, Any]]:
 
 
 # --- helpers ---------------------------------------------------------------------------------------
-
-
-def _once(pairs: Sequence[tuple[str, str]], option: str) -> dict[str, str]:
-    """Pairs as a dict; a name given twice is an error, since only one of them could hold."""
-    names = [name for name, _ in pairs]
-    twice = [f"{option} {name}: given twice; give it once" for name in dict.fromkeys(names) if names.count(name) > 1]
-    if twice:
-        raise InputError(*twice)
-    return dict(pairs)
 
 
 def _is_result(what: str) -> bool:

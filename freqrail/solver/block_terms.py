@@ -91,18 +91,19 @@ def distances_of(reduction: Reduction, values: Values) -> Distances:
     some = np.flatnonzero(np.any(factors, axis=0))
     forms, factors = forms[some], factors[:, some]
     d = reduction.lengths.evaluate(forms, values)
+    backwards = set()
     for k, x in enumerate(d):
         if np.any(np.less(x, 0)):  # lengths that vary may change the order of two wheels: cosines stay, sines turn
             d[k] = np.abs(x)
+            backwards.add(k)
             odd = np.array([lag.part == "im" for lag in reduction.lags])
             turned = np.where(odd, np.sign(x)[..., None], 1.0)
             factors = np.broadcast_to(factors, (*turned.shape[:-1], *factors.shape[-2:])).copy()
             factors[..., k] *= turned
     # of the forms, so that a sum holds for all vehicles, whoever is in company
-    turned = {k for k, x in enumerate(reduction.lengths.evaluate(forms, values)) if np.any(np.less(x, 0))}
     sums: dict[int, tuple[int, int]] = {}
     size = [float(np.sum(np.abs(form))) for form in forms]
-    order = [k for k in sorted(range(len(forms)), key=size.__getitem__) if k not in turned]
+    order = [k for k in sorted(range(len(forms)), key=size.__getitem__) if k not in backwards]
     for place, k in enumerate(order):
         below = [i for i in order[:place] if size[i] > 0]
         pairs = [(i, j) for i in below if i not in sums for j in below]

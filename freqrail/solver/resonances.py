@@ -136,7 +136,7 @@ def _known(reduction: Reduction, index: int, values: Values, each: Expansion, sa
 
 
 def _number_at(value: Number, at: tuple[int, ...]) -> float:
-    """A value of the vehicle at an index of a block's grid, which has all axes, those that it does not feel of length 1."""
+    """A value of the vehicle at an index of a block's grid: all axes, those that it does not feel of length 1."""
     array = np.asarray(value)
     own = zip(at[len(at) - array.ndim :], array.shape, strict=True)
     return float(array[tuple(k if n > 1 else 0 for k, n in own)])

@@ -23,6 +23,7 @@ from freqrail.solver.lag_slopes import SPEED, band_edges, gradient_nodes
 from freqrail.solver.problem import cells
 from freqrail.solver.quadrature import MeanSquare
 from tests import dense_slopes
+from tests.dense_slopes import euler_sums
 from tests.extremes import forty_digits
 from tests.helpers import reference_nodes
 from tests.independent import PAPER
@@ -187,13 +188,7 @@ def test_units_of_mass_and_time_are_ours_to_choose():
     """Euler: what has kilograms, and what has seconds, the speed included, adds up to no change of a stroke."""
     for found in (of_paper(band=BANDS["wavelengths"])[name] for name in ("primary_stroke", "secondary_stroke")):
         shares = {name: found[name].value * (70.0 if name == SPEED else VALUES[name]) for name in EVERYTHING}
-        kilograms = [share for name, share in shares.items() if not name.startswith("half_") and name != SPEED]
-        seconds = [
-            share * (2 if name.endswith("stiffness") else 1)
-            for name, share in shares.items()
-            if name.endswith(("stiffness", "damping")) or name == SPEED
-        ]
-        for some in (kilograms, seconds):
+        for some in euler_sums(shares, SPEED):
             assert np.max(np.abs(np.sum(some, axis=0))) < 1e-11 * np.max(np.abs(some))
 
 

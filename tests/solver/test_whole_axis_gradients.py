@@ -14,7 +14,7 @@ from freqrail.solver import block_poles, block_residues, whole_axis_gradients, w
 from freqrail.solver.block_slopes import lengths_free
 from freqrail.solver.lag_slopes import SPEED
 from tests import contours
-from tests.dense_slopes import AxisReference
+from tests.dense_slopes import AxisReference, euler_sums
 from tests.plain_vehicles import MAKERS, Plain, as_system, outputs_of
 from tests.solver.test_block_residues import critical
 from tests.solver.test_gradients import (
@@ -73,13 +73,7 @@ def test_units_of_mass_and_time_are_ours_to_choose():
     """Euler: what has kilograms, and what has seconds, the speed included, adds up to no change of a stroke."""
     for found in (of_paper()[name] for name in ("primary_stroke", "secondary_stroke")):
         shares = {name: found[name].value * (70.0 if name == SPEED else VALUES[name]) for name in EVERYTHING}
-        kilograms = [share for name, share in shares.items() if not name.startswith("half_") and name != SPEED]
-        seconds = [
-            share * (2 if name.endswith("stiffness") else 1)
-            for name, share in shares.items()
-            if name.endswith(("stiffness", "damping")) or name == SPEED
-        ]
-        for some in (kilograms, seconds):
+        for some in euler_sums(shares, SPEED):
             assert np.max(np.abs(np.sum(some, axis=0))) < 1e-9 * np.max(np.abs(some))
 
 
