@@ -61,7 +61,7 @@ def whole_axis_mean_squares(
         raise TypeError(f"the closed form is for rational spectra (got {type(spectrum).__name__})")
     grid = shape_of(values)
     own = {name: np.asarray(v) if np.size(v) > 1 else float(np.ravel(v)[0]) for name, v in values.items()}
-    if not grid:
+    if not shape_of(own):  # a single vehicle is a grid too
         first = reduction.system.inertias[0]
         own[first] = np.reshape(own[first], 1)
     with np.errstate(all="ignore"):
