@@ -25,10 +25,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.model.equations import Leg, System, leg_dynamic_stiffness, state_space
-from freqrail.model.responses import CHAINS, Response
 from freqrail.model.spectrum import Spectrum, frequency_psd
 from freqrail.model.vehicle import Vehicle
 from freqrail.types import Number
+
+CHAINS = ("bounce", "pitch", "bogie_pitch")
+"""The half vehicle's families of motion, which exchange no energy if its legs are equal: blocks of its reduction."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """How a response is read off the chains.
+
+    element: "car", "bogie", "wheelset" (displacements), "secondary" or "primary" (elongations). derivative: 2 for an
+    acceleration, 0 for a stroke. chains: those that take part. signs: (sigma, rho) a label of the dimension, with
+    sigma = +1 in front, 0 at the centre and -1 at the rear, rho = +1 at the leading and -1 at the trailing axle of a
+    bogie. arm: the length (a field of `Vehicle`) that turns the displacement over a leg into an angle, "" for none.
+    """
+
+    element: str
+    derivative: int
+    chains: tuple[str, ...]
+    signs: tuple[tuple[int, int], ...]
+    arm: str = ""
+
+
+_ENDS = ((1, 0), (-1, 0))
+_AXLES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+_VERTICAL = ("bounce", "pitch")
+
+FAMILIES = {
+    "car_body_acceleration": Family("car", 2, _VERTICAL, ((1, 0), (0, 0), (-1, 0))),
+    "bogie_acceleration": Family("bogie", 2, _VERTICAL, _ENDS),
+    "secondary_stroke": Family("secondary", 0, _VERTICAL, _ENDS),
+    "primary_stroke": Family("primary", 0, CHAINS, _AXLES),
+    "wheelset_acceleration": Family("wheelset", 2, CHAINS, _AXLES),
+    "car_body_pitch_acceleration": Family("car", 2, ("pitch",), ((1, 0),), "half_bogie_spacing"),
+    "bogie_pitch_acceleration": Family("bogie", 2, ("bogie_pitch",), ((1, 1), (-1, 1)), "half_wheelbase"),
+}
+"""By response."""
 
 
 def ladder(vehicle: Vehicle, chain: str) -> tuple[list[Number], list[tuple[Number, Number, Number]]]:
@@ -103,7 +138,7 @@ STAGES = ("secondary", "primary")
 class ChainResponse:
     """Frequency response of a chain of bodies, per unit displacement of its top body.
 
-    track: the track's displacement, [grid..., n], complex, m/m. ratios: each element (see `Response.element`), complex,
+    track: the track's displacement, [grid..., n], complex, m/m. ratios: each element (see `Family.element`), complex,
     m/m. forces: of the legs "secondary" and "primary", complex, N/m. Responses that depend on few of the
     vehicle's fields span only their axes of the grid.
     """
@@ -165,7 +200,7 @@ LAG_COLUMNS = 7
 """Number of real functions of the wheel lags that any |T|^2 is a sum of."""
 
 
-def _scale(series: Response, vehicle: Vehicle, omega: NDArray) -> Number:
+def _scale(series: Family, vehicle: Vehicle, omega: NDArray) -> Number:
     """Factor from the displacement over a leg to the response: s^2 of an acceleration, 1/arm of an angle."""
     factor: Number = -np.square(omega) if series.derivative == 2 else 1.0
     return -factor / getattr(vehicle, series.arm) if series.arm else factor
@@ -185,7 +220,7 @@ def top_products(chains: dict[str, ChainResponse]) -> dict[tuple[str, str], Prod
 
 
 def column_powers(
-    series: Response,
+    series: Family,
     vehicle: Vehicle,
     omega: NDArray,
     chains: dict[str, ChainResponse],
@@ -269,7 +304,7 @@ def lag_columns(vehicle: Vehicle, omega: NDArray, speed: NDArray) -> NDArray[np.
 
 
 def track_response(
-    series: Response, vehicle: Vehicle, omega: NDArray, speed: Number, chains: dict[str, ChainResponse]
+    series: Family, vehicle: Vehicle, omega: NDArray, speed: Number, chains: dict[str, ChainResponse]
 ) -> NDArray[np.complex128]:
     """T(i omega) of a series per metre of track height under the vehicle's centre: [positions, grid..., n].
 
@@ -291,7 +326,7 @@ def track_response(
 
 
 def response_psd(
-    series: Response, vehicle: Vehicle, spectrum: Spectrum, frequency: NDArray, speed: Number
+    series: Family, vehicle: Vehicle, spectrum: Spectrum, frequency: NDArray, speed: Number
 ) -> NDArray[np.float64]:
     """One-sided PSD of a series per Hz, |T|^2 2 pi S_v(Omega)/v: [positions, grid..., n].
 

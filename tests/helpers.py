@@ -21,7 +21,7 @@ from freqrail.solver import block_residues, solve
 from freqrail.solver.problem import Problem, half_vehicle_problem
 from freqrail.solver.quadrature import MeanSquare
 from freqrail.solver.resonances import resonances
-from tests.chains import chain_responses, track_response
+from tests.chains import FAMILIES, chain_responses, track_response
 from tests.independent import density, lagged, lags, outputs_of, read_off, reference_nodes, whole_axis_rms
 
 INDEX = {name: place for place, name in enumerate(DEGREES_OF_FREEDOM)}
@@ -92,7 +92,7 @@ def from_chains(
     test_chains holds the chains to `explicit_responses`; they keep more digits and take a tenth of the time.
     """
     chains = chain_responses(vehicle, omega)
-    return {name: track_response(RESPONSES[name], vehicle, omega, speed, chains) for name in names}
+    return {name: track_response(FAMILIES[name], vehicle, omega, speed, chains) for name in names}
 
 
 def all_poles(vehicle: Vehicle, spectrum: RationalSpectrum, speed: float) -> np.ndarray:

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from freqrail.model.equations import system_response
 from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import CHAINS, RESPONSES
 from tests.chains import (
+    CHAINS,
+    FAMILIES,
     LAG_COLUMNS,
     chain_response,
     chain_responses,
@@ -57,7 +58,7 @@ def test_columns_times_powers_are_the_square_of_the_sum(name, seed, speed):
     """|T|^2 as seven real columns of the lags times powers of the vehicle, none of which knows of the other."""
     (vehicle,) = random_vehicles(1, seed)
     omega = OMEGA[::5]
-    series, chains = RESPONSES[name], chain_responses(vehicle, omega)
+    series, chains = FAMILIES[name], chain_responses(vehicle, omega)
     columns = lag_columns(vehicle, omega, np.array([speed]))
     assert columns.shape == (LAG_COLUMNS, omega.size, 1)
     square = np.abs(track_response(series, vehicle, omega, speed, chains)) ** 2
@@ -87,6 +88,6 @@ def test_psd_is_the_square_of_the_response_times_the_track_per_hz(name, german_l
     omega = 2 * np.pi * frequency
     expected = np.abs(explicit_responses(vehicle, omega, speed, (name,))[name]) ** 2
     expected = expected * 2 * np.pi * density(german_low, omega, speed)
-    found = response_psd(RESPONSES[name], vehicle, german_low, frequency, speed)
+    found = response_psd(FAMILIES[name], vehicle, german_low, frequency, speed)
     assert np.all(found >= 0)
     np.testing.assert_allclose(found, expected, rtol=1e-7)

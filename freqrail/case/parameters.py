@@ -313,6 +313,15 @@ def _beyond(name: str) -> str:
     return next((why for words, why in _BEYOND.items() if parts & set(words.split())), "")
 
 
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """' (did you mean ...?)' with the nearest known name, or the list of names when none is near; "" of no names."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    if near:
+        return f" (did you mean {near[0]}?)"
+    return f" (known: {', '.join(known)})" if known else ""
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
     """' (did you mean ...?)' with the nearest known name, or the list of names when none is near.
 
@@ -325,4 +334,4 @@ def suggestion(name: str, known: Iterable[str]) -> str:
         own = near and near[0] in PARAMETERS and set(near[0].split("_")) <= set(name.split("_"))
         instead = f"; {near[0]} is the one value it takes" if own else ""
         return f" ({why}{instead})"
-    return f" (did you mean {near[0]}?)" if near else f" (known: {', '.join(known)})"
+    return nearest_name(name, known)

@@ -9,9 +9,8 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from freqrail.model.equations import leg_dynamic_stiffness, state_space, stiffness_matrices, system_response
-from freqrail.model.responses import CHAINS
 from freqrail.model.vehicle import Vehicle, half_vehicle, hertzian_contact_stiffness, static_wheel_load
-from tests.chains import chain_system, ladder, poles
+from tests.chains import CHAINS, chain_system, ladder, poles
 from tests.helpers import INDEX, random_vehicles
 
 VEHICLES = random_vehicles(5, seed=1)

@@ -12,11 +12,10 @@ from freqrail.confirm.time_side import readout
 from freqrail.confirm.track_record import fixed_amplitudes, mean_square, sampled_track, spectral_lines, stream
 from freqrail.model.equations import state_space
 from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import RESPONSES
 from freqrail.model.vehicle import half_vehicle
 from freqrail.replication import procedures
 from freqrail.replication.procedures import ABSOLUTE, DURATION, RELATIVE, Procedure, run
-from tests.chains import chain_responses, track_response
+from tests.chains import FAMILIES, chain_responses, track_response
 
 BAND = (0.1, 100.0)
 SPEED = 250 / 3.6
@@ -97,7 +96,7 @@ def test_a_level_start_forgets_itself_into_the_lines_own_rms(paper_vehicle, pape
     omega = 2 * np.pi * lines.frequency
     chains = chain_responses(paper_vehicle, omega)
     name = "bogie_acceleration"
-    transfer = track_response(RESPONSES[name], paper_vehicle, omega, SPEED, chains)
+    transfer = track_response(FAMILIES[name], paper_vehicle, omega, SPEED, chains)
     expected = np.sqrt(mean_square(np.square(np.abs(transfer)), amplitudes))[:, 0]
     np.testing.assert_allclose(found[3:5], expected, rtol=0.03)
 

@@ -10,14 +10,13 @@ import pytest
 from mpmath import mp, mpf
 
 from freqrail.model.equations import state_space
-from freqrail.model.responses import CHAINS
 from freqrail.model.vehicle import Vehicle, half_vehicle
 from freqrail.reduction.columns import Reduction
 from freqrail.solver import block_poles
 from freqrail.solver.block_poles import Expansion, bases, expand
 from freqrail.solver.block_response import column, scalars
 from freqrail.solver.problem import half_vehicle_reduction
-from tests.chains import BODIES, chain_responses
+from tests.chains import BODIES, CHAINS, chain_responses
 from tests.extremes import forty_digits
 from tests.extremes.draws import KNOWN, PLAUSIBLE
 

@@ -16,7 +16,7 @@ from freqrail.reduction.columns import reduce
 from freqrail.solver import block_lags, block_quadrature, panels, quadrature
 from freqrail.solver.problem import Problem, cells, half_vehicle_problem
 from freqrail.solver.quadrature import MeanSquare
-from tests.chains import chain_responses, column_powers, column_signs, lag_columns, top_products
+from tests.chains import FAMILIES, chain_responses, column_powers, column_signs, lag_columns, top_products
 from tests.helpers import density, reference_nodes
 from tests.plain_vehicles import MAKERS, Plain, as_system, dense_outputs, lagged, outputs_of, places
 
@@ -84,7 +84,7 @@ def chain_squares(study: Problem, vehicle: Vehicle, rule: quadrature.Quadrature)
     gauss = rule.gauss_weights.size
     result = {}
     for name in study.names:
-        series = RESPONSES[name]
+        series = FAMILIES[name]
         value, difference = np.zeros((2, len(series.signs), *study.shape))
         for column, power in column_powers(series, vehicle.column(), rule.omega, chains, top_products(chains)):
             total = power @ (columns[column] * rule.weights[:, None])

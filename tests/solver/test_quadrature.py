@@ -10,14 +10,13 @@ from numpy.polynomial import chebyshev, legendre
 
 from freqrail.model.band import Band, band_limits
 from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.vehicle import Vehicle
 from freqrail.solver import block_quadrature, quadrature, rounding
 from freqrail.solver.block_lags import weighted_nodes
 from freqrail.solver.problem import Problem, half_vehicle_problem
 from freqrail.solver.resonances import every_pole, resonances
-from tests.chains import chain_responses
+from tests.chains import FAMILIES, chain_responses
 from tests.helpers import (
     ALL_NAMES,
     PAPER_NAMES,
@@ -374,7 +373,7 @@ def test_the_bound_beyond_the_last_node_is_that_of_its_blocks_whatever_their_pha
     bound = truncation_bound(paper_vehicle, (name,), speed, cutoff)[name]
     x, w = legendre.leggauss(200)
     omega, weight = cutoff * np.exp(5 + 5 * x), 5 * w
-    series, chains = RESPONSES[name], chain_responses(paper_vehicle, omega)
+    series, chains = FAMILIES[name], chain_responses(paper_vehicle, omega)
     arm = getattr(paper_vehicle, series.arm) if series.arm else 1.0
     weighted = omega ** (2 * series.derivative) * density(TRACK, omega, speed) * weight * omega
     part = {c: np.abs(chains[c].ratios[series.element] * chains[c].top / arm) ** 2 @ weighted for c in series.chains}

@@ -16,7 +16,7 @@ from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_w
 from freqrail.solver import block_residues, solve
 from freqrail.solver import solution as the_solution
 from freqrail.solver.problem import half_vehicle_problem
-from tests.chains import chain_system
+from tests.chains import FAMILIES, chain_system
 from tests.helpers import own_quadrature, whole_axis_mean_squares
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "whole_axis.json").read_text())
@@ -164,7 +164,7 @@ def test_the_unit_of_time_is_ours_to_choose(paper_vehicle, german_low, slower):
         one = whole_axis_mean_squares(vehicle, NAMES, german_low, speed)
         other = whole_axis_mean_squares(slow(vehicle), NAMES, german_low, speed / slower)
         for name in NAMES:
-            factor = slower ** (2 * RESPONSES[name].derivative)
+            factor = slower ** (2 * FAMILIES[name].derivative)
             np.testing.assert_allclose(factor * other[name].value, one[name].value, rtol=1e-9)
 
 

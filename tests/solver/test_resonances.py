@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqrail.model.responses import CHAINS
 from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.columns import Reduction, reduce
 from freqrail.solver import resonances as the_resonances
@@ -15,6 +14,7 @@ from freqrail.solver.block_poles import expansion
 from freqrail.solver.problem import half_vehicle_reduction
 from freqrail.solver.resonances import Resonances, every_pole, is_lost, resonances, resonances_of_each
 from tests import chains
+from tests.chains import CHAINS
 from tests.helpers import ALL_NAMES, random_vehicles
 from tests.plain_vehicles import MAKERS, as_system, outputs_of
 from tests.solver.test_block_poles import exact

@@ -17,14 +17,13 @@ from scipy.integrate import simpson
 from freqrail.model.band import Band
 from freqrail.model.equations import state_space, system_response
 from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.vehicle import Vehicle, half_vehicle
 from freqrail.solver import solve
 from freqrail.solver.block_lags import lag_functions
 from freqrail.solver.problem import half_vehicle_problem, half_vehicle_reduction
 from freqrail.solver.transfer import transfer_functions
-from tests.chains import chain_responses, response_psd, track_response
+from tests.chains import FAMILIES, chain_responses, response_psd, track_response
 from tests.helpers import (
     ALL_NAMES,
     MODELS,
@@ -50,7 +49,7 @@ def from_blocks(name: str, vehicle: Vehicle, omega: np.ndarray, speed: float) ->
 
 
 def from_chains(name: str, vehicle: Vehicle, omega: np.ndarray, speed: float) -> np.ndarray:
-    return track_response(RESPONSES[name], vehicle.column(), omega, speed, chain_responses(vehicle.column(), omega))
+    return track_response(FAMILIES[name], vehicle.column(), omega, speed, chain_responses(vehicle.column(), omega))
 
 
 every_way = pytest.mark.parametrize("responses", [from_blocks, from_chains], ids=["blocks", "chains"])
@@ -77,7 +76,7 @@ def lost_digits(vehicle: Vehicle, name: str, omega: np.ndarray) -> np.ndarray:
 def test_responses_are_those_of_the_equations_of_motion_with_explicit_lags(responses, vehicle, name, speed):
     found = responses(name, vehicle, OMEGA, speed) * seen_from_first_wheel(vehicle, OMEGA, speed)
     expected = explicit_responses(vehicle, OMEGA, speed, (name,))[name]
-    assert found.shape == expected.shape == (len(RESPONSES[name].signs), OMEGA.size)
+    assert found.shape == expected.shape == (len(FAMILIES[name].signs), OMEGA.size)
     assert np.all(np.abs(found - expected) <= 1e-9 * np.abs(expected) + lost_digits(vehicle, name, OMEGA))
 
 
@@ -119,7 +118,7 @@ def test_a_grid_of_vehicles_is_answered_vehicle_by_vehicle(responses, name, pape
     damping = np.array([10e3, 20e3])
     omega, speed = OMEGA[::10], 70.0
     many = replace(paper_vehicle, primary_joint_stiffness=stiffness[:, None], secondary_damping=damping)
-    found = np.broadcast_to(responses(name, many, omega, speed), (len(RESPONSES[name].signs), 3, 2, omega.size))
+    found = np.broadcast_to(responses(name, many, omega, speed), (len(FAMILIES[name].signs), 3, 2, omega.size))
     for i, k in enumerate(stiffness):
         for j, c in enumerate(damping):
             one = replace(paper_vehicle, primary_joint_stiffness=k, secondary_damping=c)
@@ -153,7 +152,7 @@ def test_lags_stay_when_geometry_and_speed_grow_together():
 @every_series
 def test_running_backwards_exchanges_front_and_rear(responses, vehicle, name):
     """With the lags negated the last axle leads: what the front did, the rear now does; nose up becomes nose down."""
-    series = RESPONSES[name]
+    series = FAMILIES[name]
     forwards, backwards = (responses(name, vehicle, OMEGA, v) for v in (60.0, -60.0))
     mirrored = {(1, 0): (-1, 0), (-1, 0): (1, 0), (0, 0): (0, 0)}
     mirrored |= {(1, 1): (-1, -1), (1, -1): (-1, 1), (-1, 1): (1, -1), (-1, -1): (1, 1)}
@@ -182,7 +181,7 @@ def test_the_car_bodys_centre_does_not_know_its_pitch_inertia(responses):
     vehicle = VEHICLES[0]
     heavier = replace(vehicle, car_body_pitch_inertia=3 * vehicle.car_body_pitch_inertia)
     light, heavy = (responses("car_body_acceleration", v, OMEGA, 60.0) for v in (vehicle, heavier))
-    centre = RESPONSES["car_body_acceleration"].signs.index((0, 0))
+    centre = FAMILIES["car_body_acceleration"].signs.index((0, 0))
     assert np.array_equal(light[centre], heavy[centre])
     assert np.max(np.abs(light[0] - heavy[0])) > 1e-2 * np.max(np.abs(light))
 
@@ -287,9 +286,9 @@ def test_psds_of_a_grid_are_those_of_its_vehicles_and_speeds(paper_vehicle, germ
     many = replace(paper_vehicle, primary_joint_stiffness=stiffness)
     found = solve.psd(half_vehicle_problem(many, speeds, german_low, None, ALL_NAMES), frequency)
     for name in ALL_NAMES:
-        assert found[name].shape == (len(RESPONSES[name].signs), 2, 3, 20)
+        assert found[name].shape == (len(FAMILIES[name].signs), 2, 3, 20)
         for i, k in enumerate(stiffness):
             for j, speed in enumerate(speeds):
                 one = replace(paper_vehicle, primary_joint_stiffness=k)
-                expected = response_psd(RESPONSES[name], one, german_low, frequency, speed)
+                expected = response_psd(FAMILIES[name], one, german_low, frequency, speed)
                 np.testing.assert_allclose(found[name][:, i, j], expected, rtol=1e-12)

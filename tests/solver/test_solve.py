@@ -16,7 +16,6 @@ from scipy.linalg import solve_continuous_lyapunov
 from freqrail.model.band import Band
 from freqrail.model.elements import Values
 from freqrail.model.equations import state_space
-from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum, wavenumber_psd
 from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.columns import Reduction
@@ -25,7 +24,7 @@ from freqrail.solver import quadrature as solver_quadrature
 from freqrail.solver import solution as the_solution
 from freqrail.solver import solve as solver_solve
 from freqrail.solver.problem import half_vehicle_problem
-from tests.chains import chain_responses, chain_system, poles, track_response
+from tests.chains import FAMILIES, chain_responses, chain_system, poles, track_response
 from tests.helpers import (
     ALL_NAMES,
     PAPER_NAMES,
@@ -294,7 +293,7 @@ def test_shapes_are_positions_then_grid_then_speeds(table_i):
     solution = solve(table_i, [30.0, 60.0, 80.0], names=ALL_NAMES)
     assert solution.status.shape == solution.method.shape == (6, 6, 3)
     for name in ALL_NAMES:
-        assert solution.rms[name].shape == (len(RESPONSES[name].signs), 6, 6, 3)
+        assert solution.rms[name].shape == (len(FAMILIES[name].signs), 6, 6, 3)
 
 
 # --- against other methods ---------------------------------------------------------------------------
@@ -809,7 +808,7 @@ def test_a_tabulated_spectrum_is_integrated_between_its_kinks(paper_vehicle):
         total = 0.0
         for low, high in itertools.pairwise(ends):
             omega = (low + high) / 2 + (high - low) / 2 * x
-            series, chains = RESPONSES[name], chain_responses(paper_vehicle, omega)
+            series, chains = FAMILIES[name], chain_responses(paper_vehicle, omega)
             transfer = track_response(series, paper_vehicle, omega, speed, chains)
             total = total + np.abs(transfer) ** 2 @ (
                 w * (high - low) / 2 * wavenumber_psd(table, omega / speed) / speed

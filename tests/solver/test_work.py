@@ -17,7 +17,6 @@ from scipy.optimize import brentq
 
 from freqrail.model.band import Band
 from freqrail.model.elements import Values
-from freqrail.model.responses import RESPONSES
 from freqrail.model.spectrum import RationalSpectrum, TabulatedSpectrum
 from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.columns import Reduction
@@ -25,6 +24,7 @@ from freqrail.solver import block_quadrature, block_residues, panels, quadrature
 from freqrail.solver.problem import Problem, half_vehicle_problem
 from freqrail.solver.resonances import Resonances, every_pole, resonances
 from freqrail.solver.solution import METHOD
+from tests.chains import FAMILIES
 from tests.helpers import PAPER_NAMES, own_quadrature
 
 TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
@@ -494,7 +494,7 @@ def test_blocks_in_closed_form_have_at_most_51200_points(paper_vehicle, monkeypa
 
     def ones(reduction: Reduction, values: Values, spectrum: object, speed: np.ndarray):
         grid = block_quadrature.shape_of(values)
-        shapes = {name: (len(RESPONSES[name].signs), *grid, speed.size) for name in reduction.columns}
+        shapes = {name: (len(FAMILIES[name].signs), *grid, speed.size) for name in reduction.columns}
         return {name: quadrature.MeanSquare(np.ones(shape), np.full(shape, 1e-12)) for name, shape in shapes.items()}
 
     done: list[int] = []

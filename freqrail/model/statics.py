@@ -1,0 +1,87 @@
+"""A vehicle at rest on a level track: the stiffness matrix, what hangs on nothing, and the wheels' static loads."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqrail.model.elements import Values
+from freqrail.model.system import System, evaluate_row
+from freqrail.model.vehicle import GRAVITY
+
+SINGULAR = 1e-9
+"""A motion whose stiffness is below this, of the matrix scaled to ones on its diagonal, hangs on nothing."""
+
+
+def _grid(system: System, values: Values) -> tuple[int, ...]:
+    return np.broadcast_shapes(*(np.shape(values[name]) for name in system.parameters if name in values))
+
+
+def _springs(system: System, values: Values) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """(rows of the legs [..., legs, n], their static stiffnesses [..., legs], rows of the wheels [..., wheels, n])."""
+    shape = _grid(system, values)
+
+    def rows(some: tuple) -> NDArray[np.float64]:
+        entries = [evaluate_row(each.row, system.freedoms, values) for each in some]
+        stacked = [np.stack([np.broadcast_to(entry, shape) for entry in row], axis=-1) for row in entries]
+        return np.stack(stacked, axis=-2) if stacked else np.zeros((*shape, 0, len(system.freedoms)))
+
+    stiffnesses = [np.broadcast_to(np.real(leg.law.stiffness(values, _AT_REST)), shape) for leg in system.legs]
+    k = np.stack(stiffnesses, axis=-1) if stiffnesses else np.zeros((*shape, 0))
+    return rows(system.legs), k, rows(system.wheels)
+
+
+_AT_REST = 0j
+_RIGID = 1e9  # of the stiffest leg: what stands for an infinite stiffness
+
+
+def wheel_loads(system: System, values: Values) -> NDArray[np.float64]:
+    """Static load of every wheel in N: [wheels, grid...]; the contacts are rigid, whatever their laws.
+
+    values: of all parameters but the contacts'. Solves K q = -m g with the wheels' displacements zero; g as in the
+    paper's eq. (1). NaN where the vehicle does not stand by its springs alone.
+    """
+    legs, k, wheels = _springs(system, values)
+    stiff = np.nanmax(np.where(np.isfinite(k), k, 0.0), axis=-1, keepdims=True, initial=1.0)
+    k = np.where(np.isinf(k), _RIGID * stiff, k)
+    n, held = len(system.freedoms), wheels.shape[-2]
+    matrix = np.einsum("...li,...l,...lj->...ij", legs, k, legs)
+    whole = np.zeros((*matrix.shape[:-2], n + held, n + held))
+    whole[..., :n, :n] = matrix / stiff[..., None]
+    whole[..., :n, n:] = np.swapaxes(wheels, -1, -2)
+    whole[..., n:, :n] = wheels
+    weight = [
+        np.broadcast_to(
+            np.asarray(values[f.inertia]) * GRAVITY if f.motion in ("bounce", "") else 0.0, matrix.shape[:-2]
+        )
+        for f in system.freedoms
+    ]
+    right = np.concatenate([np.stack(weight, axis=-1), np.zeros((*matrix.shape[:-2], held))], axis=-1)
+    try:
+        solved = np.linalg.solve(whole, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        solved = np.full(right.shape, math.nan)
+    return np.moveaxis(solved[..., n:], -1, 0)
+
+
+def loose_motions(system: System, values: Values) -> list[dict[str, float]]:
+    """Motions without static stiffness, as {freedom: share}, largest shares first; the contacts count as springs.
+
+    values: floats. A vehicle that has one runs away: the RMS of its displacement is infinite.
+    """
+    legs, k, wheels = _springs(system, values)
+    stiff = max((float(v) for v in np.ravel(k) if np.isfinite(v)), default=1.0) or 1.0
+    k = np.where(np.isinf(k), 1e3 * stiff, k)
+    matrix = np.einsum("li,l,lj->ij", legs, k, legs) + stiff * wheels.T @ wheels
+    size = np.sqrt(np.diag(matrix))
+    nothing = size <= 1e-12 * math.sqrt(stiff)
+    scale = np.where(nothing, 1.0, size)
+    w, v = np.linalg.eigh(matrix / np.outer(scale, scale) * np.outer(~nothing, ~nothing))
+    found = []
+    for column in v[:, np.abs(w) < SINGULAR].T:
+        shares = np.abs(column) / np.max(np.abs(column))
+        order = np.argsort(-shares)
+        found.append({system.freedoms[i].name: float(shares[i]) for i in order if shares[i] > 0.1})
+    return found
