@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,17 +22,32 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from freqrail.case.axis import Axis, is_same, nearest, parse_axis
+from freqrail.case.described import HALF, Described, describe_free, describe_template
 from freqrail.case.file import CONTACTS, apply_axis, apply_setting, find, parse_toml, to_toml
-from freqrail.case.parameters import JOINTS, PARAMETERS, SHARED_BY_SIDES
+from freqrail.case.free_tables import NESTED, flat_names, flat_sweep, is_free, typed_name, value_paths
+from freqrail.case.free_vehicle import TABLES
+from freqrail.case.kinds import parse_value
+from freqrail.case.parameters import JOINTS, PARAMETERS, SHARED_BY_SIDES, VARIABLE, Parameter, meaning, suggestion
 from freqrail.case.quantities import Quantity, milli_hint, parse_quantity
-from freqrail.case.samples import SAMPLE, Samples, from_mapping, number_of, read_csv, read_table
-from freqrail.case.tables import cross_checks, keys, model, problems_of, readable, readable_points
+from freqrail.case.samples import SAMPLE, Samples, from_mapping, names_in, number_of, read_csv, read_table
+from freqrail.case.tables import (
+    axes_of,
+    cross_checks,
+    keys,
+    model,
+    problems_of,
+    readable,
+    readable_points,
+    template_model,
+)
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band
+from freqrail.model.responses import Vocabulary
 from freqrail.model.spectrum import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, RationalSpectrum
-from freqrail.model.variants import BASE, DEFAULT, Variant
+from freqrail.model.variants import BASE, DEFAULT, TRADITIONAL, Variant
 from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 from freqrail.text import given
+from freqrail.types import Number
 
 LARGEST_GRID = 2**63  # points, and with spectra points times frequencies: the library's indices end there
 SOFT_JOINT = 0.01  # a joint below this fraction of its suspension spring is probably a slip of the unit
@@ -47,7 +63,7 @@ class Case:
     frequency: where spectra are stored, if the case says so. points: those to confirm, {name: quantity}. accepted:
     ranges that replace those of `criteria.CRITERIA`. warnings: what was told when the case was read. text: the file.
     effective: TOML after all changes, samples written out. variants: twins whose responses are computed beside.
-    samples: what varies along `sample`.
+    samples: what varies along `sample`. described: the vehicle's system and what is read off it.
     """
 
     name: str
@@ -66,11 +82,36 @@ class Case:
     effective: str
     variants: tuple[Variant, ...] = DEFAULT
     samples: Samples | None = None
+    described: Described = HALF
 
     @property
     def speed(self) -> float:
         """The scalar running speed, m/s."""
         return self.quantities["speed"].value
+
+    @property
+    def variable(self) -> Mapping[str, Parameter]:
+        """What may vary in this case, by name, the speed included."""
+        return self.described.variable
+
+    def parameter(self, name: str) -> Parameter:
+        """What a name of this case stands for, `frequency` and quantities of the track included."""
+        return self.variable[name] if name in self.variable else PARAMETERS[name]
+
+    def meaning(self, name: str) -> str:
+        """What a quantity means in this case, in words."""
+        own = name in PARAMETERS and self.is_half_vehicle
+        return meaning(name, self.masses) if own else self.parameter(name).meaning
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The responses that it has."""
+        return self.described.readings.vocabulary
+
+    @property
+    def is_half_vehicle(self) -> bool:
+        """Whether its vehicle is the paper's, from the template."""
+        return self.described.free is None
 
     @property
     def scalars(self) -> Mapping[str, Quantity]:
@@ -87,7 +128,7 @@ class Case:
         if not model.values:
             return self
         fixed = {
-            name: Quantity(value, "inf" if math.isinf(value) else f"{value:.10g} {PARAMETERS[name].unit}")
+            name: Quantity(value, "inf" if math.isinf(value) else f"{value:.10g} {self.variable[name].unit}")
             for name, value in model.values.items()
         }
         own = {name: quantity for name, quantity in self.quantities.items() if name not in model.fixed}
@@ -105,13 +146,33 @@ class Case:
     @property
     def vehicle(self) -> Vehicle:
         """The vehicle of the case's scalars, axes left aside."""
-        return replace(self, axes=(), samples=None).vehicles()
+        return self.scalar_case.vehicles()
+
+    @property
+    def scalar_case(self) -> Case:
+        """The case without its axes and samples: its scalars alone."""
+        return replace(self, axes=(), samples=None)
+
+    def values(self) -> dict[str, Number]:
+        """The grid's numbers by name of the vehicle's system, SI, broadcasting in the order of the axes but speed."""
+        return self.described.values(vars(self.vehicles()) if self.is_half_vehicle else self.grid())
 
     def vehicles(self) -> Vehicle:
-        """The grid of vehicles that the axes other than speed span, fields broadcasting in their order.
+        """The grid of half vehicles that the axes other than speed span, fields broadcasting in their order.
 
-        This is where whole vehicles become the half ones of the model.
+        This is where whole vehicles become the half ones of the model. Raises InputError for a vehicle of another kind.
         """
+        if not self.is_half_vehicle:
+            raise InputError(f"{self.name}: is no half vehicle, which this is for")
+        values = {name: value * _share(name, self.masses) for name, value in self.grid().items()}
+        constant = values.pop("contact_constant", None)
+        if constant is not None and "contact_stiffness" not in self.varied:
+            load = static_wheel_load(values["car_body_mass"], values["bogie_mass"], values["wheelset_mass"])
+            values["contact_stiffness"] = hertzian_contact_stiffness(constant, load)
+        return Vehicle(**values)
+
+    def grid(self) -> dict[str, Any]:
+        """The case's quantities but speed by name, those that vary as arrays."""
         axes = [axis for axis in self.axes if axis.name != "speed"]
         values: dict[str, Any] = {name: quantity.value for name, quantity in self.quantities.items()}
         for place, axis in enumerate(axes):
@@ -121,12 +182,7 @@ class Case:
             for column in columns:
                 values[column.name] = column.si.reshape([-1 if i == place else 1 for i in range(len(axes))])
         values.pop("speed")
-        values = {name: value * _share(name, self.masses) for name, value in values.items()}
-        constant = values.pop("contact_constant", None)
-        if constant is not None and "contact_stiffness" not in self.varied:
-            load = static_wheel_load(values["car_body_mass"], values["bogie_mass"], values["wheelset_mass"])
-            values["contact_stiffness"] = hertzian_contact_stiffness(constant, load)
-        return Vehicle(**values)
+        return values
 
     def speeds(self) -> NDArray[np.float64]:
         """The swept speeds, or the scalar one, m/s: [n]."""
@@ -153,9 +209,9 @@ def load_case(
     than 1 % of its suspension spring.
     """
     name, file, text = find(case)
-    table: Samples | Mapping[str, Any] | None = None
+    table: Path | Mapping[str, Any] | None = None
     if isinstance(samples, str | os.PathLike):
-        table = read_csv(samples)
+        table = Path(samples)
     elif samples is not None:
         if not hasattr(samples, "items"):
             raise InputError(f"samples: the path of a CSV file, or a mapping, is expected {given(samples)}")
@@ -173,7 +229,7 @@ def build_case(
     stray_points: bool = False,
     scalars: bool = False,
     axis_option: str = "--over",
-    samples: Samples | Mapping[str, Any] | None = None,
+    samples: Samples | Mapping[str, Any] | Path | None = None,
     folder: Path | None = None,
 ) -> Case:
     """`load_case` of TOML text; `file` is the name that messages bear, `axis_option` that of the option behind `over`.
@@ -188,16 +244,28 @@ def build_case(
     tables = parse_toml(text, file)
     problems: list[str] = []
     origins: dict[tuple[str, ...], str] = {}
-    swept = {str(key).removeprefix("sweep.") for key in over or {}}
+    paths = None
+    if is_free(tables):
+        flat_sweep(tables)
+        paths = value_paths(tables)
+    swept = {typed_name(str(key)) for key in over or {}}
     for key, value in (settings or {}).items():
-        apply_setting(tables, key, value, problems, origins, scalars, swept)
+        apply_setting(tables, key, value, problems, origins, scalars, swept, paths)
     for key, value in (over or {}).items():
-        apply_axis(tables, key, value, problems, origins, axis_option)
+        apply_axis(tables, key, value, problems, origins, axis_option, paths)
 
     def where(*at: str) -> str:
         """The place that a message names: the option that set a key, or the file's own table and key."""
-        return origins.get(at, f"{file}: [{at[0]}].{at[1]}" if len(at) > 1 else f"{file}: {at[0]}")
+        if at in origins:
+            return origins[at]
+        if (at[0] in NESTED and len(at) < 3) or (len(at) == 1 and at[0] in TABLES):
+            return f"{file}: [{'.'.join(at)}]"
+        return f"{file}: [{'.'.join(at[:-1])}].{at[-1]}" if len(at) > 1 else f"{file}: {at[0]}"
 
+    if isinstance(samples, Path):
+        names = names_in(samples) if paths is not None else ()
+        variable = _variable_before(tables, where, (*keys(tables, "sweep"), *names)) if paths is not None else VARIABLE
+        samples = read_csv(samples, variable=variable)
     if samples is not None:
         tables["samples"] = samples if isinstance(samples, Samples) else dict(samples)
         origins["samples",] = "samples"
@@ -206,23 +274,24 @@ def build_case(
         for axis in [axis for axis in sweep if axis in sampled and ("sweep", axis) not in origins]:
             del sweep[axis]  # the case's own axis, which samples given besides replace
     read = _read(tables, file, where, folder)
+    problems += _version_problems(tables, file)
     problems += _sampled_twice(read, tables, origins, where, scalars)
     problems += [*read.problems, *cross_checks(tables, file, where)]
     problems += _geometry_problems(read, where)
     problems += _size_problems((*read.axes, *([read.frequency] if read.frequency else ())), where)
     if not (settings or over or samples or stray_points):
-        masses = read.checked.vehicle.masses if read.checked else "half"
+        masses = read.masses
         problems += _point_problems(read, _scalars(read.quantities, masses), file)
-    if read.checked is None or problems:
+    if read.checked is None or read.described is None or problems:
         raise InputError(*dict.fromkeys(problems))
-    warned = (*_millinewtons(read, where), *_soft_joints(read, where))
+    warned = (*read.warned, *_millinewtons(read, where), *_soft_joints(read, where))
     for line in warned:
         warnings.warn(line, FreqrailWarning, stacklevel=3)
     return Case(
         name=name,
         title=read.checked.title,
         reference=read.checked.reference,
-        masses=read.checked.vehicle.masses,
+        masses=read.masses,
         quantities=read.quantities,
         spectrum=_spectrum(read.checked.track),
         band=_band(read.checked.band),
@@ -233,7 +302,9 @@ def build_case(
         warnings=warned,
         text=text,
         effective=to_toml(tables | ({"samples": read.samples.table()} if read.samples else {})),
+        variants=read.variants,
         samples=read.samples,
+        described=read.described,
     )
 
 
@@ -242,7 +313,8 @@ class _Read:
     """What the tables of a file hold. checked: the validated model, None if something is wrong with them.
 
     points: those to confirm, by their number in the file. problems: what is wrong, a line each. samples: None if there
-    are none, or something is wrong with them.
+    are none, or something is wrong with them. described: None if something is wrong with the vehicle. warned: lines to
+    warn of.
     """
 
     checked: Any
@@ -252,6 +324,14 @@ class _Read:
     points: dict[int, dict[str, Quantity]]
     problems: list[str]
     samples: Samples | None
+    described: Described | None
+    variants: tuple[Variant, ...]
+    warned: list[str]
+
+    @property
+    def masses(self) -> str:
+        """See `Case`; "half" of a free vehicle."""
+        return self.checked.vehicle.masses if self.checked and hasattr(self.checked, "vehicle") else "half"
 
     @property
     def columns(self) -> tuple[Axis, ...]:
@@ -262,17 +342,41 @@ class _Read:
 def _read(tables: dict[str, Any], file: str, where: Callable[..., str], folder: Path | None) -> _Read:
     """Validate the tables of a file; of a faulty one, what can be read all the same, so that every fault of it is told
     at once."""
-    checked, problems = None, []
+    free = is_free(tables)
+    problems: list[str] = []
+    warned: list[str] = []
+    described: Described | None = HALF
+    quantities: dict[str, Quantity] = {}
+    variable = VARIABLE
+    if free:
+        named = tables.get("samples")
+        sampled = named.parameters if isinstance(named, Samples) else keys(tables, "samples")
+        own = {*keys(tables, "sweep"), *sampled} - {*keys(tables, "parameters")}
+        described, leaves = describe_free(tables, where, problems, warned, own)
+        quantities = leaves.quantities()
+        variable = {**leaves.parameters(), "speed": PARAMETERS["speed"]}
+        unused = {*keys(tables, "parameters")} - {*variable}
+        if described is not None:
+            warned += [f"{where('parameters', name)}: nothing uses it" for name in sorted(unused)]
+    rest = {key: table for key, table in tables.items() if key not in ("samples", *(NESTED_HERE if free else EXTRA))}
+    checked = None
     try:
-        checked = model().model_validate({key: table for key, table in tables.items() if key != "samples"})
-        quantities = {k: v for part in (checked.vehicle, checked.operation) for k, v in part if isinstance(v, Quantity)}
-        sweep = {key: getattr(checked.sweep, key) for key in tables.get("sweep", {})}
+        checked = (model(variable) if free else template_model()).model_validate(rest)
+        parts = (checked.operation,) if free else (checked.vehicle, checked.operation)
+        quantities |= {k: v for part in parts for k, v in part if isinstance(v, Quantity)}
+        found = axes_of(checked)
+        sweep = {key: found[key] for key in tables.get("sweep", {})}
         points = dict(enumerate(checked.confirm.points, start=1))
     except ValidationError as fault:
-        problems = [line for error in fault.errors() for line in problems_of(error, file, where)]
-        quantities = {k: v for t in ("vehicle", "operation") for k, v in readable(parse_quantity, tables, t).items()}
-        sweep = readable(parse_axis, tables, "sweep")
-        points = readable_points(tables, {*_scalars(quantities, "half")} - {*keys(tables, "sweep")} | {*sweep})
+        problems += [line for error in fault.errors() for line in problems_of(error, file, where, variable)]
+        for t in ("operation",) if free else ("vehicle", "operation"):
+            quantities |= readable(parse_quantity, tables, t)
+        sweep = readable(parse_axis, tables, "sweep", variable)
+        known = {*_scalars(quantities, "half")} - {*keys(tables, "sweep")} | {*sweep}
+        points = readable_points(tables, known, variable)
+    if not free:
+        described = describe_template(tables, quantities, where, problems, warned)
+    variants = _variants(tables, variable, where, problems)
     frequency = sweep.pop("frequency", None)
     axes = tuple(sweep.values())
     samples = None
@@ -282,12 +386,76 @@ def _read(tables: dict[str, Any], file: str, where: Callable[..., str], folder: 
             samples = (
                 table
                 if isinstance(table, Samples)
-                else read_table(table, partial(_place_of_samples, where, file), folder)
+                else read_table(table, partial(_place_of_samples, where, file), folder, variable)
             )
             axes = (samples.axis, *axes)
         except InputError as fault:
             problems += fault.problems
-    return _Read(checked, quantities, axes, frequency, points, problems, samples)
+    return _Read(checked, quantities, axes, frequency, points, problems, samples, described, variants, warned)
+
+
+EXTRA = ("variants", "outputs")
+NESTED_HERE = (*TABLES, *EXTRA)
+
+
+def _variable_before(
+    tables: dict[str, Any], where: Callable[..., str], own: Collection[str]
+) -> Mapping[str, Parameter]:
+    """What may vary in a free vehicle, before the rest of its case is read; what is wrong is told later."""
+    return describe_free(tables, where, [], [], {*own} - {*keys(tables, "parameters")})[1].parameters()
+
+
+def _version_problems(tables: dict[str, Any], file: str) -> list[str]:
+    """Tables and keys of schema 2 in a file of schema 1."""
+    if tables.get("schema_version") != 1:
+        return []
+    used = [f"[{name}]" for name in NESTED_HERE if name in tables]
+    used += ["[vehicle].template"] if "template" in keys(tables, "vehicle") else []
+    return [f"{file}: schema_version: must be 2 for {', '.join(used)} (got 1)"] if used else []
+
+
+def _variants(
+    tables: dict[str, Any], variable: Mapping[str, Parameter], where: Callable[..., str], problems: list[str]
+) -> tuple[Variant, ...]:
+    """The variants of a case: its own, or those of a half vehicle that names none."""
+    if "variants" not in tables:
+        return () if is_free(tables) else DEFAULT
+    table = tables["variants"]
+    if not isinstance(table, dict):
+        problems.append(f"{where('variants')}: must be a table {given(table)}")
+        return ()
+    found = []
+    for name, changes in table.items():
+        place = where("variants", name)
+        if not re.fullmatch("[a-z][a-z0-9_]*", name):
+            problems.append(f"{place}: a name is small letters, digits and _, beginning with a letter {given(name)}")
+        elif not isinstance(changes, dict) or not changes:
+            problems.append(f'{place}: a table is expected, with what it fixes, as in joint = "inf" {given(changes)}')
+        else:
+            found.append(_variant(name, changes, variable, where, problems))
+    return tuple(found)
+
+
+def _variant(
+    name: str,
+    changes: Mapping[str, Any],
+    variable: Mapping[str, Parameter],
+    where: Callable[..., str],
+    problems: list[str],
+) -> Variant:
+    values = {}
+    for key, text in dict(flat_names(changes)).items():
+        place = where("variants", name, key)
+        if key == "speed" or key not in variable:
+            known = [each for each in variable if each != "speed"]
+            problems.append(f"{place}: unknown name{suggestion(key, known)}")
+            continue
+        try:
+            values[key] = parse_value(variable[key], text)
+        except ValueError as fault:
+            problems.append(f"{place}: {fault}")
+    words = TRADITIONAL.words if (name, values) == (TRADITIONAL.name, TRADITIONAL.values) else name.replace("_", " ")
+    return Variant(name, words, values)
 
 
 def _place_of_samples(where: Callable[..., str], file: str, key: str) -> str:
@@ -451,7 +619,11 @@ def _point_problems(read: _Read, scalars: Mapping[str, Quantity], file: str) -> 
 
 
 def _millinewtons(read: _Read, where: Callable[..., str]) -> Iterator[str]:
-    written = [(where(PARAMETERS[name].section, name), quantity.text) for name, quantity in read.quantities.items()]
+    written = [
+        (where(PARAMETERS[name].section, name), quantity.text)
+        for name, quantity in read.quantities.items()
+        if name in PARAMETERS
+    ]
     written += [(where("sweep", axis.name), axis.text) for axis in read.axes]
     written += [(where("samples", column.name), column.text) for column in read.columns if column not in read.axes]
     for place, text in written:

@@ -16,7 +16,8 @@ from typing import Any
 
 from freqrail import files
 from freqrail.case.axis import parse_axis
-from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
+from freqrail.case.free_tables import NESTED, set_value, typed_name
+from freqrail.case.parameters import PARAMETERS, SWEEPABLE, nearest_name, suggestion
 from freqrail.case.quantities import split_number
 from freqrail.case.shipped import shipped_cases
 from freqrail.errors import InputError
@@ -121,10 +122,13 @@ def apply_setting(
     origins: dict[tuple[str, ...], str],
     scalars: bool = False,
     swept: Collection[str] = (),
+    paths: Mapping[str, tuple[str, ...]] | None = None,
 ) -> None:
     """Change one scalar of the tables; see `case.load_case` for `scalars`. swept: names that `--over` gives besides,
-    of which `apply_axis` says that only one of the two can hold."""
+    of which `apply_axis` says that only one of the two can hold. paths: of a free vehicle's values, by name."""
     label = f"--set {key}"
+    if paths is not None and _apply_free_setting(tables, key, value, problems, origins, scalars, swept, paths):
+        return
     if key == "band":
         if str(value).strip().lower() != "none":
             problems.append(f'{label}: only "band=none", or --set "frequency=0.1:100 Hz", will do {given(value)}')
@@ -174,9 +178,22 @@ def apply_axis(
     problems: list[str],
     origins: dict[tuple[str, ...], str],
     option: str = "--over",
+    paths: Mapping[str, tuple[str, ...]] | None = None,
 ) -> None:
-    """Replace or add an axis of the tables; `option` is what messages call the place that it comes from."""
+    """Replace or add an axis of the tables; `option` is what messages call the place that it comes from. paths: of a
+    free vehicle's values, by name."""
     name = key.removeprefix("sweep.")
+    if paths is not None:
+        name = typed_name(key)
+        known = (*paths, "speed", "frequency")
+        if name not in known:
+            problems.append(f"{option} {key}: unknown name{nearest_name(name, known)}")
+            return
+        if name in paths:
+            _refuse_both(f"{option} {key}", [paths[name]], problems, origins)
+            table_of(tables, "sweep")[name] = value
+            origins["sweep", name] = f"{option} {key}"
+            return
     if name not in (*SWEEPABLE, "frequency"):
         problems.append(f"{option} {key}: unknown name{suggestion(name, (*SWEEPABLE, 'frequency'))}")
         return
@@ -190,6 +207,33 @@ def apply_axis(
         sweep.pop(other, None)
     sweep[name] = value
     origins["sweep", name] = f"{option} {key}"
+
+
+def _apply_free_setting(
+    tables: dict[str, Any],
+    key: str,
+    value: str,
+    problems: list[str],
+    origins: dict[tuple[str, ...], str],
+    scalars: bool,
+    swept: Collection[str],
+    paths: Mapping[str, tuple[str, ...]],
+) -> bool:
+    """Change a value of a free vehicle; whether the name is one, or is none at all, so that it is done with."""
+    name, label = typed_name(key), f"--set {key}"
+    if name not in paths:
+        others = {each for section, names in sections().items() if section != "vehicle" for each in names}
+        known = {*others, "band", "title", "reference", "speed"}
+        if name in known or key in known or key.partition(".")[2] in known:
+            return False
+        problems.append(f"{label}: unknown name{nearest_name(name, [*paths, *sorted(others)])}")
+        return True
+    if name in table_of(tables, "sweep") and not scalars and name not in swept:
+        problems.append(f'{label}: {name} is swept by the case; give it one value with --over "{name}={value}"')
+        return True
+    set_value(tables, paths[name], value)
+    origins[paths[name]] = label
+    return True
 
 
 def _advised_axis(name: str, value: object) -> str:
@@ -232,8 +276,13 @@ def _refuse_both(
 # --- writing ----------------------------------------------------------------------------------------
 
 
+def _key(name: str) -> str:
+    """A key as TOML takes it."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+
+
 def to_toml(tables: Mapping[str, Any]) -> str:
-    """TOML text of parsed tables, one level deep as case files are: strings, numbers, lists, points."""
+    """TOML text of parsed tables as case files have them: strings, numbers, lists, points, tables of tables."""
 
     def value(item: object) -> str:
         if isinstance(item, str):
@@ -245,9 +294,11 @@ def to_toml(tables: Mapping[str, Any]) -> str:
         return str(item)
 
     plain = [f"{k} = {value(v)}" for k, v in tables.items() if not isinstance(v, dict)]
-    sections = [
-        "\n".join([f"[{name}]", *(f"{k} = {value(v)}" for k, v in table.items())])
-        for name, table in tables.items()
-        if isinstance(table, dict)
-    ]
+    sections = []
+    for name, table in tables.items():
+        if isinstance(table, dict):
+            nested = name in NESTED and all(isinstance(each, dict) for each in table.values())
+            parts = {f"{name}.{key}": each for key, each in table.items()} if nested else {name: table}
+            for path, part in parts.items():
+                sections.append("\n".join([f"[{path}]", *(f"{_key(k)} = {value(v)}" for k, v in part.items())]))
     return "\n\n".join(["\n".join(plain), *sections]) + "\n"

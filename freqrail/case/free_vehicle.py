@@ -41,7 +41,8 @@ class FreeVehicle:
     """A vehicle of the free form.
 
     quantities: every value by name (see `leaves`), as written and in SI units. parameters: what each of them is.
-    derived: numbers that follow from those. bodies: by name, wheels too. suspensions: of direction "vertical".
+    derived: numbers that follow from those. bodies: by name, wheels too. suspensions: of direction "vertical". bent:
+    names of the legs that are what holds a bending mode.
     """
 
     system: System
@@ -50,6 +51,7 @@ class FreeVehicle:
     derived: tuple[Derived, ...]
     bodies: Mapping[str, Body]
     suspensions: tuple[str, ...]
+    bent: frozenset[str] = frozenset()
 
     def values(self, changed: Values | None = None) -> dict[str, Number]:
         """All numbers by name in SI units, those that follow from others too; changed: in place of the file's."""
@@ -404,6 +406,7 @@ class _Reader:
             tuple(self.derived.values()),
             self.bodies,
             tuple(self.vertical),
+            frozenset(mode.freedom for body in self.bodies.values() for mode in body.modes),
         )
         values = vehicle.values()
         before = len(self.leaves.problems)

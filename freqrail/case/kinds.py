@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 from freqrail.case.parameters import Parameter
-from freqrail.case.quantities import Quantity, check_bounds, split_number, to_float, unit_factor
+from freqrail.case.quantities import Quantity, check_bounds, parse_quantity, split_number, to_float, unit_factor
 from freqrail.text import given
 
 SHORTEST, LONGEST = 1e-6, 1e7  # m, the sizes of a length that is not 0
@@ -91,6 +91,11 @@ def read_list(value: object, kind: str) -> tuple[float, ...]:
     return tuple(read_quantity(text, [kind]).quantity.value for text in texts)
 
 
+def has_dimension(parameter: Parameter) -> bool:
+    """Whether a parameter has a unit that is the same whatever its value, and not 1."""
+    return parameter.kind not in _UNITLESS
+
+
 def check(parameter: Parameter, value: float, got: str) -> None:
     """Raise ValueError for a value outside a kind's bounds; a length may have either sign, or be 0."""
     if parameter.kind != "length":
@@ -103,3 +108,10 @@ def expected(kinds: Iterable[str]) -> str:
     """What one of some kinds is, in words."""
     words = [f"a {kind} in {KINDS[kind].unit}" for kind in kinds if kind not in _UNITLESS]
     return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words) or "a number"
+
+
+def parse_value(parameter: Parameter, text: object) -> float:
+    """The value of a parameter, SI; a plain number where it has no unit. Raises ValueError."""
+    if parameter.kind in _UNITLESS or parameter.section == "parameters":
+        return read_quantity(text, [parameter.kind]).quantity.value
+    return parse_quantity(parameter, text).value

@@ -178,8 +178,7 @@ class _Reader:
                 return False
         wheels = [abs(distance(body, self.bodies[name].place, values)) for name in self.wheels]
         if wheels and abs(x) > _OVERHANG * max(wheels):
-            self.warned.append(
-                f"{self.leaves.where(*at)}: {number(x)} m from the position of {body.name} is outside the vehicle, more "
-                f"than {_OVERHANG:g} times as far as the farthest wheel ({number(max(wheels))} m); check the place"
-            )
+            place = f"{self.leaves.where(*at)}: {number(x)} m from the position of {body.name}"
+            limit = f"{_OVERHANG:g} times the distance of the farthest wheel, {number(max(wheels))} m"
+            self.warned.append(f"{place} is outside the vehicle, beyond {limit}; check the place")
         return True

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 
@@ -267,6 +267,9 @@ PARAMETERS: dict[str, Parameter] = {p.name: p for p in (*_VEHICLE, *_OTHERS)}
 
 SWEEPABLE: tuple[str, ...] = tuple(p.name for p in PARAMETERS.values() if p.section in ("vehicle", "operation"))
 """Names that may be an axis of a sweep, beside the `frequency` of stored spectra."""
+
+VARIABLE: Mapping[str, Parameter] = {name: PARAMETERS[name] for name in SWEEPABLE}
+"""The same with what they are: what may vary in a case of the half vehicle."""
 
 JOINTS = ("primary_joint_stiffness", "secondary_joint_stiffness")
 """The stiffnesses of the dampers' rubber joints, inf for a rigid one."""

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from freqrail import files
 from freqrail.case.axis import Axis
-from freqrail.case.parameters import PARAMETERS, SWEEPABLE, Parameter, suggestion
+from freqrail.case.parameters import VARIABLE, Parameter, suggestion
 from freqrail.case.quantities import check_bounds, split_number, to_float, unit_factor, user_factor
 from freqrail.errors import InputError
 from freqrail.text import counted, given
@@ -36,8 +36,8 @@ NAME, NUMBER, FILE = "name", "number", "file"
 """Keys of a table of samples that are no parameters: the samples' names, their numbers if they are a part of a larger
 table's, and the file that holds them instead."""
 
-SAMPLED = tuple(name for name in SWEEPABLE if name != "speed")
-"""Parameters that may be sampled."""
+Known = Mapping[str, Parameter]
+"""What may vary, by name; all of it but the speed may be sampled."""
 
 MOST = 100_000  # samples
 LARGEST_FILE = 20_000_000  # bytes of a CSV file
@@ -117,11 +117,11 @@ def _joined(cells: Sequence[str]) -> str | list[str]:
 # --- a table written out ---------------------------------------------------------------------------
 
 
-def read_table(table: object, where: Callable[[str], str], folder: Path | None) -> Samples:
+def read_table(table: object, where: Callable[[str], str], folder: Path | None, variable: Known = VARIABLE) -> Samples:
     """The samples of `[samples]`, written out or in a file. Raises InputError with a line a fault.
 
     where: what messages call a key of the table, or with "" the table. folder: where the case file is, to which the
-    file's path is relative; None where no other file may be read.
+    file's path is relative; None where no other file may be read. variable: what may vary.
     """
     if not isinstance(table, Mapping):
         raise InputError(f"{where('')}: must be a table {given(table)}")
@@ -134,13 +134,13 @@ def read_table(table: object, where: Callable[[str], str], folder: Path | None) 
             raise InputError(f'{where(FILE)}: the name of a CSV file is expected, such as "designs.csv" {given(path)}')
         if folder is None:
             raise InputError(f"{where(FILE)}: only a case file may name another file {given(path)}")
-        return read_csv(path, folder)
+        return read_csv(path, folder, variable)
     faults = _Faults()
-    known = (*SAMPLED, NAME, NUMBER, FILE)
+    known = (*_sampled(variable), NAME, NUMBER, FILE)
     cells: dict[str, list[str]] = {}
     for key, value in table.items():
-        if key in SAMPLED:
-            cells[key] = _written_out(key, value, where(key), faults)
+        if key in _sampled(variable):
+            cells[key] = _written_out(variable[key], value, where(key), faults)
         elif key not in known:
             fault = _NO_SPEED if key == "speed" else f"unknown parameter{suggestion(str(key), known)}"
             faults.add(f"{where(str(key))}: {fault}")
@@ -158,10 +158,10 @@ def read_table(table: object, where: Callable[[str], str], folder: Path | None) 
         sizes = ", ".join(f"{key} {size}" for key, size in lengths.items())
         faults.add(f"{where('')}: the columns are of different lengths ({sizes})")
     faults.tell()
-    return _built(cells, lambda key, row: f"{where(key)}: value {row + 1}", names, numbers)
+    return _built(cells, variable, lambda key, row: f"{where(key)}: value {row + 1}", names, numbers)
 
 
-def _written_out(name: str, value: object, place: str, faults: _Faults) -> list[str]:
+def _written_out(parameter: Parameter, value: object, place: str, faults: _Faults) -> list[str]:
     """The cells of a column, each with its unit, from "5, 10, inf MN/m" or ["5 MN/m", "inf"]."""
     if isinstance(value, str):
         parts = [part.strip() for part in value.split(",")]
@@ -169,7 +169,7 @@ def _written_out(name: str, value: object, place: str, faults: _Faults) -> list[
         return [*(part if part == "inf" or not unit else f"{part} {unit}" for part in parts[:-1]), parts[-1]]
     if isinstance(value, list) and all(isinstance(cell, str) for cell in value):
         return [cell.strip() for cell in value]
-    example = PARAMETERS[name].example.split(" ", 1)[1]
+    example = parameter.example.split(" ", 1)[1]
     faults.add(f'{place}: values as text are expected, such as "1, 5, 2 {example}" {given(value)}')
     return []
 
@@ -177,7 +177,7 @@ def _written_out(name: str, value: object, place: str, faults: _Faults) -> list[
 # --- a CSV file ------------------------------------------------------------------------------------
 
 
-def read_csv(path: str | os.PathLike[str], folder: Path | None = None) -> Samples:
+def read_csv(path: str | os.PathLike[str], folder: Path | None = None, variable: Known = VARIABLE) -> Samples:
     """The samples of a CSV file, whose path is relative to `folder`. Raises InputError with a line a fault.
 
     The head has a column a parameter, with its unit: `primary_joint_stiffness [MN/m]`; a column `name` names samples.
@@ -194,7 +194,7 @@ def read_csv(path: str | os.PathLike[str], folder: Path | None = None) -> Sample
             if not row or not any(cell.strip() for cell in row):
                 continue
             if heads is None:
-                heads = _heads(row, f"{label}: line {rows.line_num}", faults)
+                heads = _heads(row, f"{label}: line {rows.line_num}", faults, variable)
                 faults.tell()
                 cells = {name: [] for name, _ in heads}
                 continue
@@ -210,7 +210,17 @@ def read_csv(path: str | os.PathLike[str], folder: Path | None = None) -> Sample
         raise InputError(f"{label}: has no sample below its first line")
     faults.tell()
     names = cells.pop(NAME, None)
-    return _built(cells, lambda key, row: f"{label}: line {lines[row]}: {key}", names)
+    return _built(cells, variable, lambda key, row: f"{label}: line {lines[row]}: {key}", names)
+
+
+def names_in(path: Path) -> tuple[str, ...]:
+    """The names in the head of a CSV file, as far as they can be read; `read_csv` says what is wrong with it."""
+    try:
+        head = next(csv.reader(io.StringIO(_text(path, str(path)), newline="")), [])
+    except (InputError, csv.Error):
+        return ()
+    found = [_HEAD.fullmatch(cell.strip()) for cell in head]
+    return tuple(match[1].strip().replace(".", "_") for match in found if match)
 
 
 def _example() -> str:
@@ -243,7 +253,7 @@ def _text(path: Path, label: str) -> str:
         raise InputError(f"{label}: line {line}: is not UTF-8 text (byte {data[fault.start]:#04x})") from None
 
 
-def _heads(row: Sequence[str], place: str, faults: _Faults) -> list[tuple[str, str]]:
+def _heads(row: Sequence[str], place: str, faults: _Faults, variable: Known) -> list[tuple[str, str]]:
     """(name, unit) of every column."""
     if len(row) == 1 and re.search(r"[;\t]", row[0]):
         faults.add(f"{place}: columns are parted by commas, as in {_example()} {given(row[0])}")
@@ -252,6 +262,7 @@ def _heads(row: Sequence[str], place: str, faults: _Faults) -> list[tuple[str, s
     for column, cell in enumerate(row, start=1):
         found = _HEAD.fullmatch(cell.strip())
         name, unit = (found[1].strip(), found[2]) if found else (cell.strip(), None)
+        name = name.replace(".", "_")  # a dotted path
         at = f"{place}: column {column}"
         if name in (name for name, _ in heads):
             faults.add(f"{at}: {name} is given twice")
@@ -259,14 +270,14 @@ def _heads(row: Sequence[str], place: str, faults: _Faults) -> list[tuple[str, s
             pass
         elif name == "speed":
             faults.add(f"{at}: {_NO_SPEED}")
-        elif name not in SAMPLED:
-            faults.add(f"{at}: unknown name {name!r}{suggestion(name, (*SAMPLED, NAME))} {given(cell)}")
+        elif name not in _sampled(variable):
+            faults.add(f"{at}: unknown name {name!r}{suggestion(name, (*_sampled(variable), NAME))} {given(cell)}")
         else:
-            example = PARAMETERS[name].example.split(" ", 1)[1]
+            example = variable[name].example.split(" ", 1)[1]
             try:
                 if not (unit or "").strip():
                     raise ValueError(f'a unit is missing: write it as in "{name} [{example}]" {given(cell)}')
-                user_factor(PARAMETERS[name], str(unit).strip(), given(cell))
+                user_factor(variable[name], str(unit).strip(), given(cell))
             except ValueError as fault:
                 faults.add(f"{at}: {fault if str(fault).startswith('a unit') else f'{name}: {fault}'}")
         heads.append((name, (unit or "").strip()))
@@ -317,6 +328,7 @@ def from_mapping(columns: Mapping[str, Any]) -> dict[str, Any]:
     for key, values in dict(columns).items():
         found = _HEAD.fullmatch(str(key).strip())
         name, unit = (found[1], (found[2] or "").strip()) if found else (str(key), "")
+        name = name.replace(".", "_")  # a dotted path
         if name in table:
             raise InputError(f"samples: {name}: is given twice")
         if isinstance(values, str) and not unit:
@@ -329,12 +341,12 @@ def from_mapping(columns: Mapping[str, Any]) -> dict[str, Any]:
             table[name] = [str(cell) for cell in cells]
             continue
         if name in (NUMBER, FILE):
-            raise InputError(f"samples: {name}: unknown parameter{suggestion(name, (*SAMPLED, NAME))}")
+            raise InputError(f"samples: {name}: unknown parameter{suggestion(name, (*_sampled(VARIABLE), NAME))}")
         bare = [cell for cell in cells if not isinstance(cell, str)]
         if any(isinstance(cell, bool) or not isinstance(cell, int | float) for cell in bare):
             raise InputError(f"samples: {name}: numbers or texts are expected {given(cells)}")
         if bare and not unit:
-            example = (PARAMETERS[name].example if name in PARAMETERS else "5 MN/m").split(" ", 1)[1]
+            example = (VARIABLE[name].example if name in VARIABLE else "5 MN/m").split(" ", 1)[1]
             raise InputError(f'samples: {name}: a unit is missing: write "{name} [{example}]" {given(bare[0])}')
         table[name] = [_quantity_text(cell, unit) for cell in cells]
     return table
@@ -348,8 +360,13 @@ def _quantity_text(cell: str | float, unit: str) -> str:
 # --- values ----------------------------------------------------------------------------------------
 
 
+def _sampled(variable: Known) -> list[str]:
+    return [name for name in variable if name != "speed"]
+
+
 def _built(
     cells: Mapping[str, Sequence[str]],
+    variable: Known,
     where: Callable[[str, int], str],
     names: Sequence[str] | None = None,
     numbers: Sequence[int] | None = None,
@@ -361,7 +378,7 @@ def _built(
         raise InputError(f"{where(next(iter(cells)), 0)}: there is no sample")
     if size > MOST:
         raise InputError(f"{where(next(iter(cells)), MOST)}: more than {MOST} samples, the limit")
-    columns = [_column(PARAMETERS[name], each, partial_place(where, name), faults) for name, each in cells.items()]
+    columns = [_column(variable[name], each, partial_place(where, name), faults) for name, each in cells.items()]
     _check_names(names or (), size, partial_place(where, NAME), faults)
     own = np.arange(1, size + 1) if numbers is None else np.array(numbers, dtype=np.int64)
     if np.any(own < 1) or np.unique(own).size < own.size:

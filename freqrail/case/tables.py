@@ -8,23 +8,25 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, create_model
 
 from freqrail.case.axis import Axis, parse_axis
 from freqrail.case.criteria import CRITERIA
 from freqrail.case.file import CONTACTS, sections
-from freqrail.case.parameters import PARAMETERS, SWEEPABLE, suggestion
+from freqrail.case.parameters import PARAMETERS, VARIABLE, Parameter, suggestion
 from freqrail.case.quantities import Quantity, parse_pair, parse_quantity
 from freqrail.case.samples import SAMPLE
 from freqrail.model.spectrum import GERMAN_ROUGHNESS
 from freqrail.text import given
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSIONS = (1, 2)
 SPECTRA = (*GERMAN_ROUGHNESS, "rational")
+TEMPLATE = "half-vehicle"
+"""The one template of vehicles there is."""
 
 
 class _Table(BaseModel):
@@ -39,14 +41,15 @@ def _pair_field(name: str) -> Any:
     return Annotated[tuple[Quantity, Quantity], PlainValidator(partial(parse_pair, PARAMETERS[name]))]
 
 
-def _axis_field(name: str) -> Any:
-    return Annotated[Axis, PlainValidator(partial(parse_axis, PARAMETERS[name]))]
+def _axis_field(parameter: Parameter) -> Any:
+    return Annotated[Axis, PlainValidator(partial(parse_axis, parameter))]
 
 
 def _check_version(value: object) -> int:
-    if type(value) is not int or value != SCHEMA_VERSION:
-        raise ValueError(f"unsupported schema_version: this freqrail reads {SCHEMA_VERSION} {given(value)}")
-    return SCHEMA_VERSION
+    if type(value) is not int or value not in SCHEMA_VERSIONS:
+        known = " and ".join(map(str, SCHEMA_VERSIONS))
+        raise ValueError(f"unsupported schema_version: this freqrail reads {known} {given(value)}")
+    return value
 
 
 def _check_text(value: str) -> str:
@@ -56,7 +59,7 @@ def _check_text(value: str) -> str:
     return value
 
 
-def _points(value: object) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
+def _points(value: object, variable: Mapping[str, Parameter]) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
     """({number: point} of the points to confirm that are in order, what is wrong with the others)."""
     if not isinstance(value, list) or not all(isinstance(point, dict) for point in value):
         return {}, [f'a list of points is expected, such as [{{ speed = "250 km/h" }}] {given(value)}']
@@ -69,11 +72,11 @@ def _points(value: object) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
             if name == SAMPLE:
                 points[place][name] = Quantity(math.nan, str(text))
                 continue
-            if name not in SWEEPABLE:
-                faults.append(f"point {place}: unknown name {name!r}{suggestion(name, SWEEPABLE)}")
+            if name not in variable:
+                faults.append(f"point {place}: unknown name {name!r}{suggestion(name, variable)}")
                 continue
             try:
-                points[place][name] = parse_quantity(PARAMETERS[name], text)
+                points[place][name] = parse_quantity(variable[name], text)
             except ValueError as fault:
                 faults.append(f"point {place}: {name}: {fault}")
         if len(faults) > before:
@@ -81,9 +84,9 @@ def _points(value: object) -> tuple[dict[int, dict[str, Quantity]], list[str]]:
     return points, faults
 
 
-def _check_points(value: object) -> list[dict[str, Quantity]]:
+def _check_points(variable: Mapping[str, Parameter], value: object) -> list[dict[str, Quantity]]:
     """The points to confirm. Raises ValueError with one argument a fault."""
-    points, faults = _points(value)
+    points, faults = _points(value, variable)
     if faults:
         raise ValueError(*faults)
     return list(points.values())
@@ -112,8 +115,17 @@ def _check_accepted(value: object) -> dict[str, tuple[float, float]]:
 
 
 @cache
-def model() -> Any:
-    """The pydantic model of a whole case file, its tables built from the table of names."""
+def template_model() -> Any:
+    """The pydantic model of a case file of the half vehicle."""
+    return model(VARIABLE, template=True)
+
+
+def model(variable: Mapping[str, Parameter], template: bool = False) -> Any:
+    """The pydantic model of a whole case file, its tables built from the table of names.
+
+    variable: what may vary, by name. template: whether it has a table [vehicle]; the tables of a free vehicle are read
+    elsewhere (`case.free_vehicle`).
+    """
 
     def table(name: str, **fields: Any) -> Any:
         return create_model(name, __base__=_Table, **fields)
@@ -122,9 +134,15 @@ def model() -> Any:
         name: (_quantity_field(name), ...) for name, p in PARAMETERS.items() if p.section == "vehicle"
     }
     vehicle |= {name: (_quantity_field(name), None) for name in CONTACTS}
+    vehicle |= {"masses": (Literal["half", "whole"], ...), "template": (Literal[TEMPLATE], TEMPLATE)}
     empty: Any = None
+    # an alias each, because some names would hide an attribute of pydantic's
+    axes: dict[str, Any] = {
+        f"axis_{k}": (_axis_field(parameter), Field(None, alias=name))
+        for k, (name, parameter) in enumerate({**variable, "frequency": PARAMETERS["frequency"]}.items())
+    }
     tables = {
-        "vehicle": (table("Vehicle", masses=(Literal["half", "whole"], ...), **vehicle), ...),
+        **({"vehicle": (table("Vehicle", **vehicle), ...)} if template else {}),
         "track": (
             table(
                 "Track",
@@ -139,8 +157,11 @@ def model() -> Any:
             table("Band", frequency=(_pair_field("frequency"), None), wavelength=(_pair_field("wavelength"), None)),
             empty,
         ),
-        "sweep": (table("Sweep", **{n: (_axis_field(n), None) for n in (*SWEEPABLE, "frequency")}), empty),
-        "confirm": (table("Confirm", points=(Annotated[list, PlainValidator(_check_points)], ())), None),
+        "sweep": (table("Sweep", **axes), empty),
+        "confirm": (
+            table("Confirm", points=(Annotated[list, PlainValidator(partial(_check_points, variable))], ())),
+            None,
+        ),
     }
     tables["accepted"] = (Annotated[dict, PlainValidator(_check_accepted)], {})
     for name in ("sweep", "confirm"):
@@ -155,7 +176,16 @@ def model() -> Any:
     )
 
 
-def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
+def axes_of(checked: Any) -> dict[str, Axis]:
+    """The axes of a validated case by name."""
+    fields = type(checked.sweep).model_fields
+    found = {str(field.alias): getattr(checked.sweep, key) for key, field in fields.items()}
+    return {name: axis for name, axis in found.items() if axis is not None}
+
+
+def problems_of(
+    error: Any, file: str, where: Callable[..., str], variable: Mapping[str, Parameter] = VARIABLE
+) -> list[str]:
     """The lines for one of pydantic's errors: where, what is wrong, what was given, what would be right."""
     at = tuple(str(part) for part in error["loc"])
     key = at[-1]
@@ -166,7 +196,7 @@ def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
     if kind == "value_error":
         return [f"{place}: {fault}" for fault in error["ctx"]["error"].args]
     if kind == "extra_forbidden" and len(at) > 1:
-        known = {**sections(), "sweep": (*SWEEPABLE, "frequency"), "confirm": ("points",)}[at[0]]
+        known = {**sections(), "sweep": (*variable, "frequency"), "confirm": ("points",)}[at[0]]
         line = f"{place}: unknown {'axis' if at[0] == 'sweep' else 'key'}{suggestion(key, known)}"
     elif kind == "extra_forbidden" and isinstance(error["input"], dict):
         line = f"{file}: [{key}]: unknown table{suggestion(key, tables)}"
@@ -177,11 +207,13 @@ def problems_of(error: Any, file: str, where: Callable[..., str]) -> list[str]:
     elif kind == "missing":
         example = PARAMETERS[key].example if key in PARAMETERS else ""
         hint = {"masses": "half", "spectrum": "german-low"}.get(key, example)
-        right = f'{key} = "{hint}"' if hint else f"{key} = {SCHEMA_VERSION}"
+        right = f'{key} = "{hint}"' if hint else f"{key} = {SCHEMA_VERSIONS[0]}"
         line = f"{place}: missing; write it as in {right}"
     elif kind == "literal_error" and key == "spectrum":
         wanted = error["input"] if isinstance(error["input"], str) else ""
         line = f"{place}: unknown spectrum{suggestion(wanted, SPECTRA)} {got}"
+    elif kind == "literal_error" and key == "template":
+        line = f'{place}: unknown template, "{TEMPLATE}" is expected {got}'
     elif kind == "literal_error":
         line = (
             f'{place}: must be "half" (masses, inertias, springs and dampers of one side) or "whole" (of both sides) '
@@ -202,19 +234,24 @@ def keys(tables: dict[str, Any], name: str) -> dict[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def readable(parse: Callable[..., Any], tables: dict[str, Any], name: str) -> dict[str, Any]:
+def readable(
+    parse: Callable[..., Any], tables: dict[str, Any], name: str, variable: Mapping[str, Parameter] = VARIABLE
+) -> dict[str, Any]:
     """What can be read of a table, whatever is wrong with the rest of it."""
     found = {}
+    everything = {**PARAMETERS, **variable}
     for key, text in keys(tables, name).items():
-        if key in PARAMETERS:
+        if key in everything:
             with contextlib.suppress(ValueError):  # told already
-                found[key] = parse(PARAMETERS[key], text)
+                found[key] = parse(everything[key], text)
     return found
 
 
-def readable_points(tables: dict[str, Any], known: set[str]) -> dict[int, dict[str, Quantity]]:
+def readable_points(
+    tables: dict[str, Any], known: set[str], variable: Mapping[str, Parameter] = VARIABLE
+) -> dict[int, dict[str, Quantity]]:
     """{number: point} of the points that can be read, without the names that cannot be judged."""
-    points = _points(keys(tables, "confirm").get("points", []))[0]
+    points = _points(keys(tables, "confirm").get("points", []), variable)[0]
     return {place: {k: q for k, q in point.items() if k in known} for place, point in points.items()}
 
 

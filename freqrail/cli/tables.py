@@ -14,19 +14,22 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case.case import Case
-from freqrail.case.parameters import PARAMETERS, SWEEPABLE, meaning
+from freqrail.case.parameters import SWEEPABLE
 from freqrail.case.quantities import shown_value
 from freqrail.case.samples import SAMPLE
 from freqrail.model.band import band_limits, band_text
-from freqrail.model.responses import RESPONSES, Response
+from freqrail.model.responses import HALF_VEHICLE, Response, Vocabulary
 from freqrail.model.spectrum import standard_deviation
+from freqrail.model.statics import wheel_loads
+from freqrail.model.system import evaluate
 from freqrail.model.variants import TRADITIONAL, Variant
 from freqrail.model.vehicle import static_wheel_load
 from freqrail.result import confirmation
 from freqrail.result.axes import axis_label, axis_unit, first_failures, point_speed, sampled, swept
 from freqrail.result.points import Point, confirmed_point
 from freqrail.result.variants import models_of
-from freqrail.solver.modes import modes
+from freqrail.result.vocabulary import vocabulary_of
+from freqrail.solver.modes import Mode, modes
 from freqrail.sweep.off_grid import find
 from freqrail.text import number, printable
 
@@ -91,11 +94,11 @@ def case_parameters(case: Case) -> list[Record]:
     return [
         {
             "name": name,
-            "symbol": PARAMETERS[name].symbol.replace("{", "").replace("}", ""),
+            "symbol": case.parameter(name).symbol.replace("{", "").replace("}", ""),
             "given": quantity.text,
             "SI": quantity.value,
-            "unit": PARAMETERS[name].unit,
-            "meaning": meaning(name, case.masses),
+            "unit": case.parameter(name).unit,
+            "meaning": case.meaning(name),
         }
         for name, quantity in case.quantities.items()
     ]
@@ -103,18 +106,11 @@ def case_parameters(case: Case) -> list[Record]:
 
 def case_derived(case: Case) -> list[Record]:
     """What follows from a case's scalars: loads, contact stiffness, track, wavelengths of the band."""
-    vehicle = case.vehicle
     rows = [
-        (
-            "static wheel load P0",
-            static_wheel_load(vehicle.car_body_mass, vehicle.bogie_mass, vehicle.wheelset_mass),
-            "N",
-        ),
-        ("contact stiffness K_H (eq. 1)", vehicle.contact_stiffness, "N/m"),
+        *(_half_vehicle_rows(case) if case.is_half_vehicle else _free_vehicle_rows(case)),
         ("track height, standard deviation", 1e3 * standard_deviation(case.spectrum), "mm"),
         ("  the same over 3-25 m wavelength", 1e3 * standard_deviation(case.spectrum, (3.0, 25.0)), "mm"),
-        ("lag of the second axle", 2e3 * vehicle.half_wheelbase / case.speed, "ms"),
-        ("lag of the rear bogie", 2e3 * vehicle.half_bogie_spacing / case.speed, "ms"),
+        *(_half_vehicle_lags(case) if case.is_half_vehicle else _free_vehicle_lags(case)),
     ]
     if case.band is not None:
         low, high = band_limits(case.band, case.speed) / (2 * np.pi)
@@ -125,6 +121,47 @@ def case_derived(case: Case) -> list[Record]:
             (f"shortest wavelength at {shown_value('speed', case.speed)}", case.speed / float(high), "m"),
         ]
     return [{"derived": name, "value": float(value), "unit": unit} for name, value, unit in rows]
+
+
+def _half_vehicle_rows(case: Case) -> list[tuple[str, Any, str]]:
+    vehicle = case.vehicle
+    load = static_wheel_load(vehicle.car_body_mass, vehicle.bogie_mass, vehicle.wheelset_mass)
+    return [
+        ("static wheel load P0", load, "N"),
+        ("contact stiffness K_H (eq. 1)", vehicle.contact_stiffness, "N/m"),
+    ]
+
+
+def _half_vehicle_lags(case: Case) -> list[tuple[str, Any, str]]:
+    vehicle = case.vehicle
+    return [
+        ("lag of the second axle", 2e3 * vehicle.half_wheelbase / case.speed, "ms"),
+        ("lag of the rear bogie", 2e3 * vehicle.half_bogie_spacing / case.speed, "ms"),
+    ]
+
+
+def _free_vehicle_rows(case: Case) -> list[tuple[str, Any, str]]:
+    one = case.scalar_case
+    values = one.values()
+    system = case.described.system
+    loads = wheel_loads(system, values)
+    rows = [(f"static wheel load, {w.name}", load, "N") for w, load in zip(system.wheels, loads, strict=True)]
+    rows += [
+        (f"contact stiffness, {w.name} (eq. 1)", values[w.contact.names[0]], "N/m")
+        for w in system.wheels
+        if w.contact.names[0] not in case.quantities
+    ]
+    return rows
+
+
+def _free_vehicle_lags(case: Case) -> list[tuple[str, Any, str]]:
+    values = case.scalar_case.values()
+    places = [float(evaluate(wheel.place, values)) for wheel in case.described.system.wheels]
+    lags = [1e3 * (places[0] - place) / case.speed for place in places]
+    return [
+        (f"lag of {wheel.name}", lag, "ms")
+        for wheel, lag in zip(case.described.system.wheels[1:], lags[1:], strict=True)
+    ]
 
 
 def case_axes(case: Case) -> list[Record]:
@@ -157,21 +194,22 @@ def case_samples(case: Case) -> list[Record]:
 
 def mode_records(case: Case) -> list[Record]:
     """The modes of a case's scalars, with the traditional model's frequency and damping beside each."""
+    if not case.is_half_vehicle:
+        return [_mode_record(mode) for mode in modes(case)]
     rigid = list(modes(case.vehicle.traditional()))
     records: list[Record] = []
     for mode in modes(case.vehicle):
         twin = next((m for m in rigid if m.name == mode.name), None)
         if twin:
             rigid.remove(twin)
+        record = _mode_record(mode)
+        shape = record.pop("shape")
         records.append(
-            {
-                "mode": mode.name,
-                "Hz": mode.natural_frequency,
-                "damping": mode.damping_ratio,
-                "decay_s": mode.time_constant,
+            record
+            | {
                 "Hz_rigid_joints": twin.natural_frequency if twin else None,
                 "damping_rigid_joints": twin.damping_ratio if twin else None,
-                "shape": ", ".join(f"{body} {value:+.3f}" for body, value in mode.shape.items()),
+                "shape": shape,
             }
         )
     for mode in rigid:
@@ -189,12 +227,23 @@ def mode_records(case: Case) -> list[Record]:
     return records
 
 
+def _mode_record(mode: Mode) -> Record:
+    return {
+        "mode": mode.name,
+        "Hz": mode.natural_frequency,
+        "damping": mode.damping_ratio,
+        "decay_s": mode.time_constant,
+        "shape": ", ".join(f"{body} {value:+.3f}" for body, value in mode.shape.items()),
+    }
+
+
 _IN_RESPONSE_UNITS = ("RMS", "rigid_joints", "smallest", "largest", "simulated", "interval_low", "interval_high")
 
 
-def _response(variable: str) -> Response:
+def _response(variable: str, vocabulary: Vocabulary) -> Response:
     """The response of which a variable, of any model, is the RMS."""
-    return RESPONSES[max((name for name in RESPONSES if variable.endswith(f"{name}_rms")), key=len)]
+    responses = vocabulary.responses
+    return responses[max((name for name in responses if variable.endswith(f"{name}_rms")), key=len)]
 
 
 def elasticity_records(dataset: xr.Dataset) -> list[Record]:
@@ -203,7 +252,7 @@ def elasticity_records(dataset: xr.Dataset) -> list[Record]:
     columns = {}
     for name in (str(key).removesuffix("_rms_elasticity") for key in dataset if str(key).endswith("_rms_elasticity")):
         found = dataset[f"{name}_rms_elasticity"].isel(speed=place)
-        dimension = RESPONSES[name].dimension
+        dimension = vocabulary_of(dataset).responses[name].dimension
         columns[f"{name} {dataset[dimension].values[0]}" if dimension else name] = (
             found.isel({dimension: 0}) if dimension else found
         ).values
@@ -221,14 +270,16 @@ def elasticity_records(dataset: xr.Dataset) -> list[Record]:
     ]
 
 
-def in_shown_units(records: Sequence[Record], variants: Sequence[str] = ()) -> list[Record]:
+def in_shown_units(
+    records: Sequence[Record], variants: Sequence[str] = (), vocabulary: Vocabulary = HALF_VEHICLE
+) -> list[Record]:
     """Records of a result's variables as people read them: in mm rather than m, and without the variable's name.
 
     variants: names of those whose numbers have columns of their own, see `_columns`.
     """
     shown = []
     for record in records:
-        response = _response(record["variable"])
+        response = _response(record["variable"], vocabulary)
         columns = (*_IN_RESPONSE_UNITS, *(f"{name}_RMS" for name in variants))
         scaled = {key: record[key] * response.shown_scale for key in columns if key in record}
         shown.append({k: v for k, v in record.items() if k != "variable"} | scaled | {"unit": response.shown_unit})
@@ -242,7 +293,7 @@ def result_ranges(dataset: xr.Dataset) -> list[Record]:
     """Smallest and largest RMS of each response over the grid, and the largest error estimate."""
     records: list[Record] = []
     for model in models_of(dataset):
-        for name, response in RESPONSES.items():
+        for name, response in vocabulary_of(dataset).responses.items():
             variable = f"{model.prefix}{name}_rms"
             if variable not in dataset:
                 continue
@@ -296,7 +347,7 @@ def result_tables(dataset: xr.Dataset) -> list[str]:
         | {end: axis_label(dataset, axis["axis"], at) for end, at in (("first", 0), ("last", -1))}
         for axis in result_axes(dataset)
     ]
-    parts = (axes, result_samples(dataset), in_shown_units(result_ranges(dataset)))
+    parts = (axes, result_samples(dataset), in_shown_units(result_ranges(dataset), (), vocabulary_of(dataset)))
     return [table(records) for records in parts if records]
 
 
@@ -324,12 +375,12 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
         status = int(flags.isel({k: i for k, i in indices.items() if k in flags.dims}))
         facts[f"{prefix}status"] = str(flags.attrs["flag_meanings"]).split()[status]
         if status:
-            stored = [name for name in RESPONSES if f"{prefix}{name}_rms" in dataset]
+            stored = [name for name in vocabulary_of(dataset).responses if f"{prefix}{name}_rms" in dataset]
             lacking = [name for name in stored if _lacks(dataset[f"{prefix}{name}_rms"], indices)]
             of = f" for {', '.join(lacking)}" if lacking != stored else ""
             lines.append(f"{model.words}: no result{of}, status {facts[f'{prefix}status']}")
     records: list[Record] = []
-    for name, response in RESPONSES.items():
+    for name, response in vocabulary_of(dataset).responses.items():
         if f"{name}_rms" not in dataset:
             continue
         values = {}

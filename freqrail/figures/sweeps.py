@@ -22,7 +22,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocato
 from numpy.typing import NDArray
 
 from freqrail.case.case import Case
-from freqrail.case.parameters import JOINTS, PARAMETERS, SWEEPABLE
+from freqrail.case.parameters import JOINTS, PARAMETERS
 from freqrail.case.samples import SAMPLE
 from freqrail.figures.style import (
     BLUE,
@@ -40,10 +40,11 @@ from freqrail.figures.style import (
 )
 from freqrail.figures.style import family as family_styles
 from freqrail.model.band import band_limits
-from freqrail.model.responses import DIMENSIONS, RESPONSES, Response
+from freqrail.model.responses import Response
 from freqrail.model.variants import BASE, Variant
 from freqrail.result.axes import axis_label, axis_unit, grid_axis, sampled, swept, swept_by
 from freqrail.result.variants import models_of, variants_of
+from freqrail.result.vocabulary import vocabulary_of
 from freqrail.sweep.off_grid import ATTRIBUTE
 
 Selection = Mapping[str, int | NDArray[np.intp]]
@@ -54,6 +55,7 @@ _SPEEDS, _LINES = 6, 8  # of more speeds, or more values of another parameter, a
 _MARKED = 30  # a line of at most so many values shows each of them by a marker
 _CROWDED = 0.13  # of an axis: its ticks are the grid's own values where these lie further apart than this
 _NARROW = 5.0  # a logarithmic axis from 1 to less than this is ticked as a linear one
+_DECADES = 20.0  # a span from which an axis of evenly spread ratios is logarithmic
 _TICKS = 5  # at most so many steps between ticks: long numbers must not touch
 _BAND_END: dict[str, Any] = {"color": "0.4", "linestyle": ":", "linewidth": 0.8}
 _RIGID = 0.95  # of a panel's width, where the mark of the rigid joint begins
@@ -155,7 +157,7 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         entries = [handle(style, label) for label, style in zip(labels, styles, strict=True)]
         size = dataset.sizes[family]
         some = f" ({len(places)} of {size} values)" if len(places) < size else ""
-        _legend(figure, models, entries, f"{_symbol(family)}{some}")
+        _legend(figure, models, entries, f"{_symbol(family) or family.replace('_', ' ')}{some}")
     else:
         _legend(figure, models)
     return figure
@@ -233,7 +235,7 @@ def _band_ends(dataset: xr.Dataset, case: Case, index: Mapping[str, int]) -> lis
 
 
 def stored(dataset: xr.Dataset, suffix: str) -> list[Response]:
-    return [response for name, response in RESPONSES.items() if f"{name}{suffix}" in dataset]
+    return [response for name, response in vocabulary_of(dataset).responses.items() if f"{name}{suffix}" in dataset]
 
 
 def _drawn(
@@ -251,9 +253,18 @@ def _spread(size: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(np.intp))
 
 
+def _is_logarithmic(values: NDArray[np.float64], name: str) -> bool:
+    """Whether an axis is drawn so: that of a joint stiffness, and any other whose values span decades evenly."""
+    some = values[np.isfinite(values)]
+    if name in JOINTS or some.size < 3 or some[0] <= 0 or some[-1] < _DECADES * some[0]:
+        return name in JOINTS
+    steps = np.diff(np.log(some))
+    return bool(steps.max() < 3 * steps.min())
+
+
 def _edges(values: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """Edges of the cells about grid values, half-way between them as the axis is drawn."""
-    there, back = (np.log, np.exp) if name in JOINTS else (np.positive, np.positive)
+    there, back = (np.log, np.exp) if _is_logarithmic(values, name) else (np.positive, np.positive)
     centre = there(values)
     middle = (centre[1:] + centre[:-1]) / 2
     return back(np.concatenate([[2 * centre[0] - middle[0]], middle, [2 * centre[-1] - middle[-1]]]))
@@ -265,7 +276,7 @@ def _edges(values: NDArray[np.float64], name: str) -> NDArray[np.float64]:
 def _symbol(name: str) -> str:
     if name == SAMPLE:
         return name
-    return f"${PARAMETERS[name].symbol}$"
+    return f"${PARAMETERS[name].symbol}$" if name in PARAMETERS else ""
 
 
 def _pretty(unit: str) -> str:
@@ -304,23 +315,25 @@ def _name_axis(ax: Axes, which: str, dataset: xr.Dataset, name: str) -> None:
         axis.set_major_locator(MaxNLocator(_TICKS, integer=True, min_n_ticks=1))
         return
     unit = _pretty(axis_unit(dataset, name))
-    axis.set_label_text(f"{name.replace('_', ' ')} {_symbol(name)} [{unit}]")
-    if name in JOINTS:
+    words = " ".join(filter(None, [name.replace("_", " "), _symbol(name), f"[{unit}]" if unit else ""]))
+    axis.set_label_text(words)
+    values = dataset[name].values[np.isfinite(dataset[name].values)]
+    logarithmic = _is_logarithmic(values, name)
+    if logarithmic:
         ax.set(**{f"{which}scale": "log"})
         axis.set_minor_formatter(NullFormatter())
-    values = dataset[name].values[np.isfinite(dataset[name].values)]
-    gaps = np.diff(np.log(values) if name in JOINTS else values)
+    gaps = np.diff(np.log(values) if logarithmic else values)
     own = values.size > 1 and gaps.min() > _CROWDED * gaps.sum() and all(len(f"{value:g}") <= 5 for value in values)
     if own:
         axis.set_ticks(values)
-    elif name not in JOINTS or values[-1] <= _NARROW * values[0]:
+    elif not logarithmic or values[-1] <= _NARROW * values[0]:
         axis.set_major_locator(MaxNLocator(_TICKS))
     elif values[-1] <= 1000 * values[0]:  # more decades have no room for it
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     else:
         return
     axis.set_minor_locator(NullLocator())
-    if name in JOINTS:
+    if logarithmic:
         axis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
@@ -336,7 +349,8 @@ def _caption(
     along_samples = sampled(dataset)
     if SAMPLE in where and np.ndim(where[SAMPLE]) == 0:
         held[SAMPLE] = _value(dataset, SAMPLE, int(where[SAMPLE]))
-    for name in dict.fromkeys([*JOINTS, "speed", *(name for name in SWEEPABLE if name in swept_once)]):
+    usual = [name for name in (*JOINTS, "speed") if name in case.quantities]
+    for name in dict.fromkeys([*usual, *(name for name in case.variable if name in swept_once)]):
         if name in along_samples:
             if SAMPLE in held:
                 held[name] = _value(dataset, name, int(where[SAMPLE]))
@@ -350,7 +364,8 @@ def _caption(
             held[name] = "rigid" if np.isinf(quantity.value) else _pretty(quantity.text)
     anew = str(dataset.attrs.get(ATTRIBUTE, "")).split()
     fixed = [
-        f"{_symbol(name)} = {text.replace('rigid', '∞ (rigid)')}{' (computed anew)' * (name in anew)}"
+        f"{_symbol(name) or name.replace('_', ' ')} = {text.replace('rigid', '∞ (rigid)')}"
+        f"{' (computed anew)' * (name in anew)}"
         for name, text in held.items()
     ]
     # no-break spaces: a long caption is wrapped between its items, not within one
@@ -379,7 +394,8 @@ def _panels(dataset: xr.Dataset, suffix: str, caption: Sequence[str]) -> tuple[F
 def _place(dataset: xr.Dataset, response: Response) -> str:
     if not response.dimension:
         return ""
-    return f", {DIMENSIONS[response.dimension].place(np.ravel(dataset[response.dimension].values)[0])}"
+    dimension = vocabulary_of(dataset).dimensions[response.dimension]
+    return f", {dimension.place(np.ravel(dataset[response.dimension].values)[0])}"
 
 
 def _line(ax: Axes, x: NDArray[np.float64], y: NDArray[np.float64], style: Style) -> None:

@@ -19,6 +19,9 @@ from freqrail.model.system import Arm, System, coefficients, evaluate
 from freqrail.model.vehicle import hertzian_contact_stiffness
 from freqrail.types import Number
 
+SAME = 1e-12
+"""Loads closer than this, relatively, are one."""
+
 
 class Derived(Protocol):
     """A number that follows from others."""
@@ -122,8 +125,18 @@ class HertzianContact:
         return (self.constant, *(name for name in self.system.parameters if name not in contacts))
 
     def value(self, values: Values) -> Number:
-        load = wheel_loads(self.system, values)[self.wheel]
+        load = _narrowed(wheel_loads(self.system, values)[self.wheel])
         return hertzian_contact_stiffness(values[self.constant], load)
+
+
+def _narrowed(load: Number) -> Number:
+    """A load without the axes along which it does not vary but for rounding, such as those of dampers' joints."""
+    found = np.asarray(load)
+    for axis, size in enumerate(found.shape):
+        first = found.take([0], axis=axis)
+        if size > 1 and np.all(np.abs(found - first) <= SAME * np.abs(first)):
+            found = first
+    return found if found.size > 1 else float(found.ravel()[0])
 
 
 def complete(values: Values, derived: Iterable[Derived]) -> dict[str, Number]:

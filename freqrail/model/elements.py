@@ -16,7 +16,7 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,12 @@ class Law:
     def realisation(self, values: Values) -> Realisation | None:
         """The law in time, see `Realisation`; None for a law that is not rational."""
         return of_quotient(*self.polynomials(values)) if self.rational else None
+
+    def renamed(self, names: Mapping[str, str]) -> Law:
+        """The law with other names for some of its parameters."""
+        own = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        texts = {key: names.get(value, value) for key, value in own.items() if isinstance(value, str)}
+        return replace(self, **texts)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)
@@ -313,6 +319,9 @@ class _Compound(Law):
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(name for part in self.parts for name in part.names))
+
+    def renamed(self, names: Mapping[str, str]) -> Law:
+        return type(self)(tuple(part.renamed(names) for part in self.parts))  # type: ignore[call-arg]
 
     @property
     def rational(self) -> bool:

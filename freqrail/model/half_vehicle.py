@@ -7,8 +7,11 @@ they share names; give a leg names of its own, and it may differ.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from freqrail.model.elements import Dashpot, Law, Parallel, Series, Spring
 from freqrail.model.outputs import Displacement, Elongation, Output, Tap
+from freqrail.model.stations import Body
 from freqrail.model.system import Freedom, Leg, Row, System, Wheel
 from freqrail.model.vehicle import Vehicle
 from freqrail.types import Number
@@ -30,6 +33,23 @@ FREEDOMS = (
 _A, _B = "half_bogie_spacing", "half_wheelbase"
 _FRONT, _REAR = {_A: -1.0}, {_A: 1.0}
 _LEADING, _TRAILING = {_B: -1.0}, {_B: 1.0}
+_PLACES = ({_A: 1.0, _B: 1.0}, {_A: 1.0, _B: -1.0}, {_A: -1.0, _B: 1.0}, {_A: -1.0, _B: -1.0})
+
+
+BODIES: Mapping[str, Body] = {
+    "car": Body("car", {}, "z_c", "beta_c"),
+    "bogie_front": Body("bogie_front", {_A: 1.0}, "z_t1", "beta_t1"),
+    "bogie_rear": Body("bogie_rear", {_A: -1.0}, "z_t2", "beta_t2"),
+    **{f"axle_{k + 1}": Body(f"axle_{k + 1}", place, f"z_w{k + 1}") for k, place in enumerate(_PLACES)},
+}
+"""The bodies by the names that outputs, and the vehicle written out in the free form, call them."""
+
+SUSPENSIONS = {
+    "secondary_front": "secondary_1",
+    "secondary_rear": "secondary_2",
+    **{f"primary_{k}": f"primary_{k}" for k in (1, 2, 3, 4)},
+}
+"""The legs' names by those that outputs call them."""
 
 
 def leg_law(stiffness: str, damping: str, joint_stiffness: str) -> Law:
@@ -52,13 +72,12 @@ def half_vehicle() -> System:
         "primary_3": ({"z_t2": 1.0, "beta_t2": _LEADING, "z_w3": -1.0}, primary),
         "primary_4": ({"z_t2": 1.0, "beta_t2": _TRAILING, "z_w4": -1.0}, primary),
     }
-    places = ({_A: 1.0, _B: 1.0}, {_A: 1.0, _B: -1.0}, {_A: -1.0, _B: 1.0}, {_A: -1.0, _B: -1.0})
     return System(
         freedoms=FREEDOMS,
         legs=tuple(Leg(name, row, law, f"{name.partition('_')[0]} damper joints") for name, (row, law) in rows.items()),
         wheels=tuple(
             Wheel(f"axle_{k + 1}", {f"z_w{k + 1}": 1.0}, Spring("contact_stiffness"), place)
-            for k, place in enumerate(places)
+            for k, place in enumerate(_PLACES)
         ),
     )
 

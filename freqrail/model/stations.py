@@ -53,14 +53,14 @@ def displacement(body: Body, station: Place) -> tuple[Row, tuple[Derived, ...]]:
     if body.pitch and arm:
         row[body.pitch] = scaled(arm, -1.0)
     for mode in body.modes:
-        words = " ".join(f"{factor:+g} {name}".strip() for name, factor in sorted(arm.items())) or "0"
+        # a beam's shape is its own mirror image: of two places as far from the middle, one is computed
+        behind = not mode.points and bool(arm) and next(factor for _, factor in sorted(arm.items())) < 0
+        place = {name: -factor if behind else factor for name, factor in arm.items()}
+        words = " ".join(f"{factor:+g} {name}".strip() for name, factor in sorted(place.items())) or "0"
         name = f"{mode.freedom} at {words}"
-        derived.append(
-            TabulatedShape(name, dict(arm), *mode.points)
-            if mode.points
-            else BeamShape(name, mode.order, dict(arm), mode.length)
-        )
-        row[mode.freedom] = name
+        shape = TabulatedShape(name, place, *mode.points) if mode.points else None
+        derived.append(shape or BeamShape(name, mode.order, place, mode.length))
+        row[mode.freedom] = {name: -1.0} if behind and mode.order % 2 == 0 else name
     return row, tuple(derived)
 
 

@@ -10,8 +10,9 @@ end; a wheel's contact is a leg whose lower end is the track.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,11 +67,15 @@ class Wheel:
 
 @dataclass(frozen=True)
 class System:
-    """Freedoms, legs and wheels; wheels are told front to rear. Raises ValueError for names that do not fit."""
+    """Freedoms, legs and wheels; wheels are told front to rear. Raises ValueError for names that do not fit.
+
+    stations: names of lengths that only what is read off the vehicle needs.
+    """
 
     freedoms: tuple[Freedom, ...]
     legs: tuple[Leg, ...]
     wheels: tuple[Wheel, ...]
+    stations: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         rows = [each for each, _ in self.rows]
@@ -111,7 +116,7 @@ class System:
     def lengths(self) -> tuple[str, ...]:
         """Names that stand in arms of rows and places, each once."""
         found = [arm for each, _ in self.rows for arm in each.row.values()] + [wheel.place for wheel in self.wheels]
-        return tuple(dict.fromkeys(name for arm in found for name in coefficients(arm) if name))
+        return tuple(dict.fromkeys([*(name for arm in found for name in coefficients(arm) if name), *self.stations]))
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -169,3 +174,38 @@ def structure(system: System, lengths: Values) -> Structure:
         wheels=tuple(range(len(system.legs), len(laws))),
         places=np.array([evaluate(wheel.place, lengths) for wheel in system.wheels], dtype=float),
     )
+
+
+def alike(system: System, values: Values, apart: Collection[str] = ()) -> System:
+    """The system in which masses of one value, and numbers of laws of one value, bear one name: the first.
+
+    So legs that are equal though written out one by one are known to be, and blocks are found. apart: names that are
+    kept, such as those of derivatives. Arrays keep their names.
+    """
+    lengths = {*system.lengths}
+    masses = [name for name in system.inertias if name not in lengths]
+    numbers = [name for law in system.laws for name in law.names if name not in (*masses, *lengths)]
+    same: dict[str, str] = {}
+    for some in (masses, list(dict.fromkeys(numbers))):
+        plain = [name for name in some if np.ndim(values[name]) == 0 and name not in apart]
+        firsts: list[str] = []
+        for name in plain:
+            value = float(values[name])
+            like = next((other for other in firsts if _equal(float(values[other]), value)), name)
+            if like == name:
+                firsts.append(name)
+            else:
+                same[name] = like
+    if not same:
+        return system
+    return replace(
+        system,
+        freedoms=tuple(replace(f, inertia=same.get(f.inertia, f.inertia)) for f in system.freedoms),
+        legs=tuple(replace(leg, law=leg.law.renamed(same)) for leg in system.legs),
+        wheels=tuple(replace(wheel, contact=wheel.contact.renamed(same)) for wheel in system.wheels),
+    )
+
+
+def _equal(a: float, b: float) -> bool:
+    """Whether two numbers are one but for rounding, as loads of wheels that carry alike."""
+    return a == b or (math.isfinite(b) and abs(a - b) <= 1e-14 * abs(b))

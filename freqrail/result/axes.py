@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case.axis import Axis
-from freqrail.case.parameters import SWEEPABLE
+from freqrail.case.parameters import COMPLIANCES, SWEEPABLE
 from freqrail.case.quantities import typed_unit, unit_factor
 from freqrail.case.samples import SAMPLE
 from freqrail.model.variants import Variant
@@ -33,7 +33,10 @@ def swept_by(dataset: xr.Dataset, model: Variant) -> tuple[str, ...]:
 
 def sampled(dataset: xr.Dataset) -> tuple[str, ...]:
     """The parameters that vary along the samples of a result."""
-    return tuple(name for name in SWEEPABLE if name in dataset.coords and dataset[name].dims == (SAMPLE,))
+    others = {SAMPLE, SAMPLE_NAME, *COMPLIANCES.values()}
+    along = [str(name) for name in dataset.coords if dataset[name].dims == (SAMPLE,) and name not in others]
+    known = [name for name in SWEEPABLE if name in along]
+    return (*known, *(name for name in along if name not in known))
 
 
 def sample_names(dataset: xr.Dataset) -> list[str]:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from freqrail.case.parameters import SWEEPABLE
 from freqrail.case.samples import SAMPLE
 from freqrail.errors import InputError
-from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.model.responses import HALF_VEHICLE, Vocabulary
 from freqrail.model.variants import Variant
 from freqrail.result.axes import sampled, swept, swept_by
 from freqrail.result.content import PIECE, pieces
 from freqrail.result.variants import FLAGS, models_of
+from freqrail.result.vocabulary import vocabulary_of
 from freqrail.solver.solution import METHOD, STATUS, TOLERANCE
 from freqrail.text import counted, given
 
@@ -33,6 +34,7 @@ def faults(dataset: xr.Dataset) -> list[str]:
     told = _warning_faults(dataset)
     try:
         models = models_of(dataset)
+        vocabulary = vocabulary_of(dataset)
     except InputError as fault:
         told += fault.problems
     if told or "verdict_solver" in dataset:  # a confirmation
@@ -42,18 +44,19 @@ def faults(dataset: xr.Dataset) -> list[str]:
     missing += [f"has no variable {flag}" for flag in flags if flag not in dataset]
     missing += (
         []
-        if any(f"{name}_rms" in dataset for name in RESPONSES)
-        else [f"has no response, such as {next(iter(RESPONSES))}_rms"]
+        if any(f"{name}_rms" in dataset for name in vocabulary.responses)
+        else [f"has no response, such as {next(iter(vocabulary.responses), 'stroke')}_rms"]
     )
     if missing:
         return missing
     axes = swept(dataset)
-    return [*_coordinate_faults(dataset, axes), *_variable_faults(dataset, models)]
+    return [*_coordinate_faults(dataset, axes, vocabulary), *_variable_faults(dataset, models, vocabulary)]
 
 
-def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[str]:
+def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...], vocabulary: Vocabulary) -> Iterator[str]:
     for name in axes:
-        if name not in (*SWEEPABLE, SAMPLE):
+        # those of a free vehicle are its own; `points.read_result` holds them against the case
+        if vocabulary == HALF_VEHICLE and name not in (*SWEEPABLE, SAMPLE):
             yield f"status has the dimension {name}, which no sweep has"
         elif name not in dataset.coords:
             yield f"has no coordinate {name}"
@@ -70,7 +73,7 @@ def _coordinate_faults(dataset: xr.Dataset, axes: tuple[str, ...]) -> Iterator[s
         "frequency" not in dataset.coords or not _is_float(dataset["frequency"]) or np.isnan(dataset["frequency"]).any()
     ):
         yield "frequency holds other values than numbers"
-    for name, dimension in DIMENSIONS.items():
+    for name, dimension in vocabulary.dimensions.items():
         if name in dataset.coords:
             found = np.atleast_1d(dataset[name].values).tolist()
             if not set(found) <= set(dimension.labels):
@@ -92,7 +95,7 @@ def _warning_faults(dataset: xr.Dataset) -> list[str]:
     return [] if all(right) else [f"its attribute warnings is no list of warnings in JSON {given(text)}"]
 
 
-def _variable_faults(dataset: xr.Dataset, models: tuple[Variant, ...]) -> Iterator[str]:
+def _variable_faults(dataset: xr.Dataset, models: tuple[Variant, ...], vocabulary: Vocabulary) -> Iterator[str]:
     first_schema = dataset.attrs.get("dataset_schema_version") == 1  # it wrote spectra as "(m s-2)2 Hz-1"
     prefixes = [model.prefix for model in models]
     for model in models:
@@ -101,7 +104,7 @@ def _variable_faults(dataset: xr.Dataset, models: tuple[Variant, ...]) -> Iterat
         if unreadable:
             yield from unreadable
             return
-        for name, response in RESPONSES.items():
+        for name, response in vocabulary.responses.items():
             place = (response.dimension,) if response.dimension else ()
             kinds = {"_rms": response.unit, "_rms_relative_error": "1", "_psd": response.psd_unit}
             former = kinds | ({"_psd": f"({response.unit})2 Hz-1"} if first_schema else {})

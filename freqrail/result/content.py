@@ -14,6 +14,7 @@ import xarray as xr
 
 from freqrail.case.parameters import COMPLIANCES
 from freqrail.result.variants import models_of, owner
+from freqrail.result.vocabulary import vocabulary_of
 
 SCHEMA_VERSION = 2
 """Of the datasets written. 2: spectra in "m2 s-4 Hz-1", before "(m s-2)2 Hz-1"; axes in CF's spelling; scalars, band
@@ -39,7 +40,7 @@ def named_coordinates(dataset: xr.Dataset, name: str, dims: Collection[str]) -> 
     All coordinates that lie along its dimensions, or none, but those that CF finds by the dimension's name alone.
     Not those of what a variant fixes, such as the joints' of the traditional model, which has none.
     """
-    fixed = owner(name, models_of(dataset)).fixed
+    fixed = owner(name, models_of(dataset), vocabulary_of(dataset).responses).fixed
     absent = fixed | {COMPLIANCES[joint] for joint in fixed & {*COMPLIANCES}}
     return [
         str(key)

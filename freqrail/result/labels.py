@@ -22,15 +22,17 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import Axis, parse_axis
 from freqrail.case.case import Case
-from freqrail.case.parameters import COMPLIANCE_UNIT, COMPLIANCES, PARAMETERS, meaning
+from freqrail.case.kinds import has_dimension
+from freqrail.case.parameters import COMPLIANCE_UNIT, COMPLIANCES, meaning
 from freqrail.case.quantities import cf_unit
 from freqrail.case.samples import SAMPLE, Samples
 from freqrail.model.band import Band, band_text
-from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.model.responses import HALF_VEHICLE, Vocabulary
+from freqrail.result import vocabulary
 from freqrail.result.axes import SAMPLE_NAME
 from freqrail.result.content import SCHEMA_VERSION
 from freqrail.result.layout import Layout, variables
-from freqrail.result.variants import ATTRIBUTE, stored
+from freqrail.result.variants import ATTRIBUTE, stored, stored_all
 from freqrail.solver.solution import Solution
 from freqrail.version import __version__
 
@@ -42,7 +44,7 @@ def arrays(
     swept = [axis.name for axis in layout.axes(prefix)]
     result: dict[str, NDArray] = {}
     for name in layout.names:
-        squeeze = not RESPONSES[name].dimension
+        squeeze = not layout.response(name).dimension
         result[f"{prefix}{name}_rms"] = _arrange(solution.rms[name], swept, squeeze)
         result[f"{prefix}{name}_rms_relative_error"] = _arrange(solution.relative_error[name], swept, squeeze)
         if spectra is not None:
@@ -56,16 +58,19 @@ def skeleton(layout: Layout) -> xr.Dataset:
     """The coordinates and attributes of a sweep, without its variables."""
     coordinates: dict[str, Any] = {}
     for axis in layout.case.axes:
-        own = sample_coordinates(layout.case.samples, layout.case.masses) if axis.name == SAMPLE else None
-        coordinates |= own or coordinate(axis, layout.case.masses)
-    coordinates |= position_coordinates({RESPONSES[name].dimension for name in layout.names})
+        own = sample_coordinates(layout.case) if axis.name == SAMPLE else None
+        coordinates |= own or coordinate(axis, layout.case)
+    used = {layout.response(name).dimension for name in layout.names}
+    coordinates |= position_coordinates(used, layout.vocabulary)
     if layout.frequency is not None:
-        coordinates |= coordinate(layout.frequency)
+        coordinates |= coordinate(layout.frequency, layout.case)
     coordinates |= scalar_coordinates(layout.case, layout.case.band)
     return xr.Dataset({}, coordinates, attributes(layout.case, "sweep"))
 
 
-def position_coordinates(used: Collection[str]) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+def position_coordinates(
+    used: Collection[str], vocabulary: Vocabulary = HALF_VEHICLE
+) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
     """Of the dimensions along which responses are resolved, those in use: (dimension, labels, attributes) by name."""
     return {
         name: (
@@ -73,7 +78,7 @@ def position_coordinates(used: Collection[str]) -> dict[str, tuple[str, NDArray,
             np.array(dimension.labels, dtype=np.int32 if isinstance(dimension.labels[0], int) else None),
             {"long_name": dimension.long_name},
         )
-        for name, dimension in DIMENSIONS.items()
+        for name, dimension in vocabulary.dimensions.items()
         if name in used
     }
 
@@ -97,25 +102,32 @@ def _arrange(values: NDArray, swept: list[str], squeeze: bool) -> NDArray:
     return np.asarray(values[0] if squeeze else np.moveaxis(values, 0, len(swept)), order="C")
 
 
-def coordinate(axis: Axis, masses: str = "half") -> dict[str, tuple[str, NDArray, dict[str, str]]]:
-    """A swept parameter as coordinates by name: (dimension, values, attributes with its unit).
+def coordinate(axis: Axis, case: Case) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+    """A swept parameter of a case as coordinates by name: (dimension, values, attributes with its unit).
 
-    A joint stiffness, which may be infinite, has its finite compliance beside it. masses: see `Case`.
+    A joint stiffness, which may be infinite, has its finite compliance beside it.
     """
-    parameter = PARAMETERS[axis.name]
+    parameter = case.parameter(axis.name)
+    if not has_dimension(parameter):
+        described = {"long_name": case.meaning(axis.name), "units": "1"}
+        return {axis.name: (axis.name, axis.values, described)}
     values, unit = axis.values, parameter.shown_unit or cf_unit(axis.unit)
     if unit is None and cf_unit(parameter.unit):
         values, unit = axis.si, cf_unit(parameter.unit)
     # a fractional power, as of the contact constant's unit, is none of CF's
-    described = {"long_name": meaning(axis.name, masses)} | ({"units": unit} if unit else {"user_units": axis.unit})
+    described = {"long_name": case.meaning(axis.name)} | ({"units": unit} if unit else {"user_units": axis.unit})
     found = {axis.name: (axis.name, values, described)}
-    if axis.name in COMPLIANCES:
-        found[COMPLIANCES[axis.name]] = (axis.name, *_compliance(axis.name, values, masses))
+    if axis.name in COMPLIANCES and case.is_half_vehicle:
+        found[COMPLIANCES[axis.name]] = (axis.name, *_compliance(axis.name, values, case.masses))
     return found
 
 
-def sample_coordinates(samples: Samples | None, masses: str = "half") -> dict[str, tuple[str, NDArray, dict[str, str]]]:
-    """A table of samples as coordinates along `sample` by name: numbers, names, and what is sampled as an axis is."""
+def sample_coordinates(case: Case, part: Samples | None = None) -> dict[str, tuple[str, NDArray, dict[str, str]]]:
+    """A case's samples as coordinates along `sample` by name: numbers, names, and what is sampled as an axis is.
+
+    part: of the samples, if not all.
+    """
+    samples = part or case.samples
     if samples is None:
         return {}
     found: dict[str, tuple[str, NDArray, dict[str, str]]] = {
@@ -124,7 +136,7 @@ def sample_coordinates(samples: Samples | None, masses: str = "half") -> dict[st
     if samples.names:
         found[SAMPLE_NAME] = (SAMPLE, np.array(samples.names), {"long_name": "name of the sample"})
     for column in samples.columns:
-        for key, (_, values, described) in coordinate(column, masses).items():
+        for key, (_, values, described) in coordinate(column, case).items():
             found[key] = (SAMPLE, values, described)
     return found
 
@@ -145,12 +157,12 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
     for name, quantity in case.quantities.items():
         if name in case.varied or (name == "contact_constant" and "contact_stiffness" in case.varied):
             continue
-        parameter = PARAMETERS[name]
+        parameter = case.parameter(name)
         if parameter.shown_unit:
             axis = parse_axis(parameter, quantity.text)  # the very number of an axis
         else:
             axis = Axis(name, np.array([quantity.value]), parameter.unit, np.array([quantity.value]), quantity.text)
-        for key, (_, values, described) in coordinate(axis, case.masses).items():
+        for key, (_, values, described) in coordinate(axis, case).items():
             found[key] = ((), np.array(values[0]), described)
     ends: dict[str, tuple[float, str, str]] = {
         "band_lower_frequency": (0.0, "Hz", "lower limit of the band, frequency"),
@@ -176,6 +188,10 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
     return found
 
 
+def _vehicle_words(case: Case) -> str:
+    return "the half vehicle" if case.is_half_vehicle else "the vehicle that the case describes"
+
+
 def attributes(case: Case, command: str) -> dict[str, Any]:
     """Attributes of a whole dataset that `command` makes from a case: CF's, the case itself, versions."""
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
@@ -189,7 +205,7 @@ def attributes(case: Case, command: str) -> dict[str, Any]:
         "Conventions": "CF-1.11",
         "title": case.title,
         "history": f"{now} freqrail {__version__}: {command} of {case.name}",
-        "source": f"freqrail {__version__}, frequency response of the half vehicle",
+        "source": f"freqrail {__version__}, frequency response of {_vehicle_words(case)}",
         "references": case.reference,
         "dataset_schema_version": SCHEMA_VERSION,
         "case_name": case.name,
@@ -197,7 +213,8 @@ def attributes(case: Case, command: str) -> dict[str, Any]:
         "effective_case": case.effective,
         "effective_case_sha256": hashlib.sha256(case.effective.encode()).hexdigest(),
         "band": band_text(case.band),
-        ATTRIBUTE: stored(case.variants),
+        ATTRIBUTE: stored(case.variants) if case.is_half_vehicle else stored_all(case.variants),
+        vocabulary.ATTRIBUTE: vocabulary.stored(case.vocabulary),
         "versions": json.dumps(versions),
     }
     return {key: value for key, value in described.items() if value != ""}

@@ -12,7 +12,7 @@ from freqrail.case.axis import Axis
 from freqrail.case.case import Case
 from freqrail.case.parameters import suggestion
 from freqrail.errors import InputError
-from freqrail.model.responses import DIMENSIONS, RESPONSES
+from freqrail.model.responses import HALF_VEHICLE, Response, Vocabulary
 from freqrail.model.variants import Variant
 from freqrail.result.content import Variable
 from freqrail.solver.solution import METHOD, STATUS
@@ -29,6 +29,15 @@ class Layout:
     def axes(self, prefix: str) -> tuple[Axis, ...]:
         """The swept parameters of the model whose variables have a prefix, in the order given."""
         return self.case.of(self.model(prefix)).axes
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The responses that the case has."""
+        return self.case.vocabulary
+
+    def response(self, name: str) -> Response:
+        """A response by name."""
+        return self.vocabulary.responses[name]
 
     @property
     def models(self) -> tuple[Variant, ...]:
@@ -49,7 +58,7 @@ def variables_of(layout: Layout, prefix: str) -> dict[str, Variable]:
     """The variables of the model with a prefix, by name."""
     words = layout.model(prefix).words
     axes = layout.axes(prefix)
-    sizes = {name: len(dimension.labels) for name, dimension in DIMENSIONS.items()}
+    sizes = {name: len(dimension.labels) for name, dimension in layout.vocabulary.dimensions.items()}
     if layout.frequency is not None:
         sizes["frequency"] = layout.frequency.si.size
     result: dict[str, Variable] = {}
@@ -60,8 +69,7 @@ def variables_of(layout: Layout, prefix: str) -> dict[str, Variable]:
         result[prefix + key] = Variable(dims, shape, np.dtype(dtype), attributes)
 
     for name in layout.names:
-        response = RESPONSES[name]
-        place = (response.dimension,) if response.dimension else ()
+        response, place = layout.response(name), layout.vocabulary.place(name)
         meaning = f"RMS of the {response.long_name}"
         add(
             f"{name}_rms",
@@ -81,8 +89,7 @@ def variables_of(layout: Layout, prefix: str) -> dict[str, Variable]:
         add(f"{name}_rms_relative_error", place, float, error)
     if layout.frequency is not None:
         for name in layout.names:
-            response = RESPONSES[name]
-            place = (response.dimension,) if response.dimension else ()
+            response, place = layout.response(name), layout.vocabulary.place(name)
             spectrum = {
                 "units": response.psd_unit,
                 "long_name": f"one-sided PSD of the {response.long_name}, {words}",
@@ -102,15 +109,16 @@ def flags(meanings: tuple[str, ...], long_name: str) -> dict[str, Any]:
     }
 
 
-def response_names(responses: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of responses from "paper", "all", "NAME,NAME" or a sequence of names, in the table's order."""
-    groups = {"paper": {name for name, response in RESPONSES.items() if response.paper}, "all": set(RESPONSES)}
+def response_names(responses: str | Sequence[str], vocabulary: Vocabulary = HALF_VEHICLE) -> tuple[str, ...]:
+    """Names of responses from "paper", "all", "NAME,NAME" or a sequence of names, in the vocabulary's order."""
+    table = vocabulary.responses
+    groups = {"paper": {name for name, response in table.items() if response.paper}, "all": set(table)}
     given = [part.strip() for part in responses.split(",")] if isinstance(responses, str) else list(responses)
-    known = (*groups, *RESPONSES)
+    known = (*groups, *table)
     unknown = [name for name in given if name not in known]
     if unknown or not given:
         raise InputError(
             *(f"--responses: unknown response {name!r}{suggestion(name, known)}" for name in unknown or [""])
         )
     wanted = set().union(*(groups.get(name, {name}) for name in given))
-    return tuple(name for name in RESPONSES if name in wanted)
+    return tuple(name for name in table if name in wanted)

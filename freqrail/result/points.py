@@ -17,40 +17,45 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import SAME, Axis, is_same
 from freqrail.case.case import Case, build_case, place_point
-from freqrail.case.parameters import COMPLIANCES, PARAMETERS, SWEEPABLE, Parameter, suggestion
+from freqrail.case.free_tables import typed_name
+from freqrail.case.parameters import COMPLIANCES, VARIABLE, Parameter, suggestion
 from freqrail.case.quantities import Quantity, parse_quantity, typed_unit, unit_factor
 from freqrail.case.samples import SAMPLE, number_of
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import band_text
-from freqrail.model.responses import RESPONSES
 from freqrail.result.axes import SAMPLE_NAME, axis_label, axis_unit, grid_axis, sample_names, sampled, swept
 from freqrail.result.confirmation import is_confirmation
 from freqrail.result.labels import coordinate, sample_coordinates, scalar_coordinates, skeleton
 from freqrail.result.layout import Layout
 from freqrail.result.netcdf import open_result
 from freqrail.result.variants import variants_of
+from freqrail.result.vocabulary import vocabulary_of
 from freqrail.text import given
 
 Point = Mapping[str, Quantity]
 
 
-def parse_point(text: str) -> Point:
-    """A point from "NAME=VALUE, NAME=VALUE". Raises InputError for unknown names and bad values."""
+def parse_point(text: str, variable: Mapping[str, Parameter] = VARIABLE) -> Point:
+    """A point from "NAME=VALUE, NAME=VALUE". variable: what may vary, by name.
+
+    Raises InputError for unknown names and bad values.
+    """
     point: dict[str, Quantity] = {}
     problems = []
-    for part in filter(None, re.split(r",\s*(?=[A-Za-z_]+\s*=)", text.strip())):
+    for part in filter(None, re.split(r",\s*(?=[A-Za-z_][A-Za-z0-9_.]*\s*=)", text.strip())):
         name, equals, value = (piece.strip() for piece in part.partition("="))
+        name = typed_name(name) if "." in name else name
         if not equals:
             problems.append(f'--at: a point is written "NAME=VALUE, NAME=VALUE" (got "{part}")')
-        elif name not in (*SWEEPABLE, SAMPLE):
-            problems.append(f"--at {name}: unknown name{suggestion(name, SWEEPABLE)}")
+        elif name not in (*variable, SAMPLE):
+            problems.append(f"--at {name}: unknown name{suggestion(name, variable)}")
         elif name in point:
             problems.append(f'--at {name}: given twice (got "{text}")')
         elif name == SAMPLE:
             point[name] = Quantity(math.nan, value)
         else:
             try:
-                point[name] = parse_quantity(PARAMETERS[name], value)
+                point[name] = parse_quantity(variable[name], value)
             except ValueError as fault:
                 problems.append(f"--at {name}: {fault}")
     if not point and not problems:
@@ -103,8 +108,8 @@ def _case_faults(dataset: xr.Dataset) -> list[str]:
             faults += _sample_faults(dataset, case)
             continue
         unit, right = axis_unit(dataset, name), _axis_unit_of(dataset, axes[name], case)
-        if not _is_unit_of(unit, PARAMETERS[name]):
-            faults.append(f"{name} has no unit of a {PARAMETERS[name].kind} (got {unit!r})")
+        if not _is_unit_of(unit, case.parameter(name)):
+            faults.append(f"{name} has no unit of a {case.parameter(name).kind} (got {unit!r})")
         elif unit_factor(unit) != unit_factor(right):
             faults.append(f"{name} is not in {right}, as its case has it (got {unit!r})")
     return faults or [*_contradictions(dataset, case)]
@@ -118,7 +123,7 @@ def _sample_faults(dataset: xr.Dataset, case: Case) -> Iterator[str]:
     except KeyError as fault:
         yield f"has a sample {fault}, which its case has not; read it with xarray"
         return
-    for name, (_, values, attributes) in sample_coordinates(own, case.masses).items():
+    for name, (_, values, attributes) in sample_coordinates(case, own).items():
         if name not in dataset.coords or dataset[name].dims != (SAMPLE,):
             yield f"has no coordinate {name} along {SAMPLE}, as its case has it"
         elif dataset[name].attrs.get("units") != attributes.get("units"):
@@ -138,9 +143,9 @@ def _contradictions(dataset: xr.Dataset, case: Case) -> Iterator[str]:
             yield f"its attribute {name} is not that of its case: {right} is expected {given(dataset.attrs[name])}"
     expected: dict[str, tuple[tuple[str, ...], NDArray[np.float64], dict[str, str]]] = {}
     expected |= scalar_coordinates(case, case.band)
-    for joint in {*swept(dataset)} & {*COMPLIANCES}:
+    for joint in {*swept(dataset)} & {*COMPLIANCES} if case.is_half_vehicle else ():
         compliance = COMPLIANCES[joint]
-        values, attributes = coordinate(grid_axis(dataset, joint), case.masses)[compliance][1:]
+        values, attributes = coordinate(grid_axis(dataset, joint), case)[compliance][1:]
         expected[compliance] = ((joint,), values, attributes)
     for name, (dims, values, attributes) in expected.items():
         if name not in dataset.coords:
@@ -161,7 +166,7 @@ def _axis_unit_of(dataset: xr.Dataset, axis: Axis, case: Case) -> str:
     """The unit, as users type it, in which a result of a case has an axis."""
     if dataset.attrs.get("dataset_schema_version") == 1:  # in the spelling of the case
         return axis.unit
-    attributes = coordinate(axis, case.masses)[axis.name][2]
+    attributes = coordinate(axis, case)[axis.name][2]
     return typed_unit(attributes.get("units", attributes.get("user_units", "")))
 
 
@@ -311,7 +316,7 @@ def layout_of(dataset: xr.Dataset, case: Case) -> Layout:
     if "frequency" in dataset.dims:
         values = dataset["frequency"].values
         frequency = Axis("frequency", values, "Hz", values, "")
-    return Layout(case, tuple(name for name in RESPONSES if f"{name}_rms" in dataset), frequency)
+    return Layout(case, tuple(name for name in vocabulary_of(dataset).responses if f"{name}_rms" in dataset), frequency)
 
 
 def _axis_text(axis: Axis, si: np.ndarray) -> str:

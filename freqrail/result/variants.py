@@ -9,11 +9,10 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import xarray as xr
 
-from freqrail.case.parameters import SWEEPABLE
 from freqrail.errors import InputError
 from freqrail.model.responses import RESPONSES
 from freqrail.model.variants import BASE, DEFAULT, Variant
@@ -30,9 +29,12 @@ KINDS = ("_rms", "_rms_relative_error", "_psd")
 
 
 def stored(variants: Sequence[Variant]) -> str:
-    """Variants as the attribute keeps them; "" for the default ones, which need none."""
-    if tuple(variants) == DEFAULT:
-        return ""
+    """Variants of a half vehicle as the attribute keeps them; "" for the default ones, which need none."""
+    return "" if tuple(variants) == DEFAULT else stored_all(variants)
+
+
+def stored_all(variants: Sequence[Variant]) -> str:
+    """Variants as the attribute keeps them."""
     records = [
         {
             "name": variant.name,
@@ -63,7 +65,10 @@ def _variant(record: dict) -> Variant:
     name, words, values = record["name"], record["words"], record["values"]
     right = all(value == "inf" or (type(value) in (int, float) and math.isfinite(value)) for value in values.values())
     if not (
-        re.fullmatch("[a-z][a-z0-9_]*", name) and isinstance(words, str) and values.keys() <= {*SWEEPABLE} and right
+        re.fullmatch("[a-z][a-z0-9_]*", name)
+        and isinstance(words, str)
+        and all(re.fullmatch("[A-Za-z][A-Za-z0-9_]*", key) for key in values)
+        and right
     ):
         raise ValueError
     return Variant(name, words, {key: float(value) for key, value in values.items()})
@@ -74,12 +79,12 @@ def models_of(dataset: xr.Dataset) -> tuple[Variant, ...]:
     return (BASE, *variants_of(dataset))
 
 
-def owner(variable: str, models: Sequence[Variant]) -> Variant:
-    """The model that a variable is of; the vehicle itself for one that is no response's."""
+def owner(variable: str, models: Sequence[Variant], responses: Collection[str] = tuple(RESPONSES)) -> Variant:
+    """The model that a variable is of; the vehicle itself for one that is no response's. responses: by name."""
     whose = (model for model in models if variable.startswith(model.prefix) and model.name)
-    return next((model for model in whose if _is_own(variable.removeprefix(model.prefix))), BASE)
+    return next((model for model in whose if _is_own(variable.removeprefix(model.prefix), responses)), BASE)
 
 
-def _is_own(name: str) -> bool:
+def _is_own(name: str, responses: Collection[str]) -> bool:
     """Whether a name without a prefix is a variable that every model has."""
-    return name in FLAGS or any(name.removesuffix(kind) in RESPONSES for kind in KINDS if name.endswith(kind))
+    return name in FLAGS or any(name.removesuffix(kind) in responses for kind in KINDS if name.endswith(kind))

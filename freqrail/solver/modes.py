@@ -22,7 +22,7 @@ from freqrail.errors import InputError
 from freqrail.model.bodies import Anatomy, anatomy_of
 from freqrail.model.elements import Values
 from freqrail.model.half_vehicle import half_vehicle, values_of
-from freqrail.model.system import System, evaluate_row
+from freqrail.model.system import System, alike, evaluate_row
 from freqrail.model.vehicle import Vehicle
 from freqrail.reduction.blocks import Block, blocks_of
 from freqrail.solver.mode_owners import TRACK, Owner, inner_elongations, inside_of, owners
@@ -74,9 +74,13 @@ def modes(vehicle: Vehicle | Case | str | os.PathLike[str]) -> tuple[Mode, ...]:
     A 26-state vehicle has ten modes and six joint relaxations, less where a mode is overdamped. Raises InputError if
     the numbers overflow. See `system_modes`.
     """
-    if not isinstance(vehicle, Vehicle):
-        vehicle = (vehicle if isinstance(vehicle, Case) else load_case(vehicle)).vehicle
-    return system_modes(half_vehicle(), values_of(vehicle))
+    if isinstance(vehicle, Vehicle):
+        return system_modes(half_vehicle(), values_of(vehicle))
+    case = vehicle if isinstance(vehicle, Case) else load_case(vehicle)
+    if case.is_half_vehicle:
+        return system_modes(half_vehicle(), values_of(case.vehicle))
+    values = {name: float(value) for name, value in case.scalar_case.values().items()}
+    return system_modes(alike(case.described.system, values), values)
 
 
 def system_modes(system: System, values: Values) -> tuple[Mode, ...]:

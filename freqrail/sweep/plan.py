@@ -11,12 +11,13 @@ import numpy as np
 
 from freqrail.case.axis import Axis
 from freqrail.case.case import Case
+from freqrail.case.described import HALF
 from freqrail.errors import InputError
 from freqrail.model.band import band_limits
-from freqrail.model.responses import RESPONSES
+from freqrail.model.system import alike
 from freqrail.result.layout import Layout, response_names
 from freqrail.solver import solve
-from freqrail.solver.problem import Problem, half_vehicle_problem
+from freqrail.solver.problem import Problem, half_vehicle_problem, problem_of
 
 PSD_POINTS = 400
 PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
@@ -42,9 +43,7 @@ class Plan:
         problems = {}
         for model in layout.models:
             case = layout.case.of(model)
-            problems[model.prefix] = half_vehicle_problem(
-                case.vehicles(), case.speeds(), case.spectrum, case.band, layout.names
-            )
+            problems[model.prefix] = problem_of_case(case, layout.names)
         return cls(layout, problems)
 
     @property
@@ -64,15 +63,26 @@ class Plan:
         return computing + stored_bytes(self.layout) / KEPT_A_SECOND
 
 
+def problem_of_case(case: Case, names: tuple[str, ...]) -> Problem:
+    """The grid of a case's vehicle as numbers, for some of its responses."""
+    if case.described == HALF:
+        return half_vehicle_problem(case.vehicles(), case.speeds(), case.spectrum, case.band, names)
+    described = case.described
+    outputs = tuple(output for output in described.readings.outputs if output.name in names)
+    values = case.values()
+    system = alike(described.system, values)
+    return problem_of(system, outputs, values, case.speeds(), case.spectrum, case.band)
+
+
 def planned_layout(case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Layout:
     """What a sweep of a checked case stores. Raises InputError for an unknown response."""
     frequency = (case.frequency or _default_frequency(case)) if psd else None
-    return Layout(case, response_names(responses), frequency)
+    return Layout(case, response_names(responses, case.vocabulary), frequency)
 
 
 def stored_bytes(layout: Layout) -> int:
     """Size of a result in bytes, told from its axes alone: a grid may be too large to be made."""
-    series = sum(max(1, len(RESPONSES[name].positions)) for name in layout.names)
+    series = layout.vocabulary.series_count(layout.names)
     lines = layout.frequency.si.size if layout.frequency is not None else 0
     points = sum(math.prod(axis.si.size for axis in layout.axes(model.prefix)) for model in layout.models)
     # the last: what HDF5 and attributes take

@@ -11,16 +11,14 @@ import json
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.case.axis import Axis
 from freqrail.case.case import Case
-from freqrail.case.criteria import CRITERIA, Criterion
-from freqrail.case.samples import SAMPLE
+from freqrail.case.criteria import CRITERIA
 from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band, band_limits
 from freqrail.model.spectrum import standard_deviation
@@ -28,25 +26,21 @@ from freqrail.model.variants import Variant
 from freqrail.model.vehicle import Vehicle, static_wheel_load
 from freqrail.solver.contact_force import contact_force_rms
 from freqrail.solver.modes import modes
+from freqrail.sweep import free_plausibility
+from freqrail.sweep.concern import (
+    Concern,
+    corners,
+    few_samples,
+    inside,
+    judged,
+    rounded,
+    some_corners,
+    span,
+    wavelengths,
+)
 from freqrail.types import Number
 
-FORCES = 16  # corners, at most, at which the wheel-rail force is computed, beside the worst that they point to
 LIKELY = (0.1, 100.0)  # Hz: the band that is advised where nothing speaks against it
-
-
-@dataclass(frozen=True)
-class Concern:
-    """Something outside its usual range. Numbers in the criterion's unit.
-
-    name: key of `criteria.CRITERIA`. measured: smallest and largest on the grid. usual: the range. accepted: whether
-    the case takes it for usual, so that nobody need be warned. text: what, measured, usual, what to do.
-    """
-
-    name: str
-    measured: tuple[float, float]
-    usual: tuple[float, float]
-    accepted: bool
-    text: str
 
 
 # --- what is measured ------------------------------------------------------------------------------
@@ -111,32 +105,10 @@ MEASURES: Mapping[str, Callable[[Vehicle], Number]] = {
 """What is measured of a half vehicle, by criterion; fields may be arrays. Whole masses and distances."""
 
 
-def corners(case: Case) -> Case:
-    """The case with every axis cut to its two ends; samples stay, for their ends hold nothing."""
-
-    def ends(axis: Axis) -> Axis:
-        return (
-            axis
-            if axis.si.size < 3 or axis.name == SAMPLE
-            else replace(axis, values=axis.values[[0, -1]], si=axis.si[[0, -1]])
-        )
-
-    return replace(case, axes=tuple(map(ends, case.axes)))
-
-
 def measure(case: Case, name: str) -> NDArray[np.float64]:
     """A measure of the vehicles of a case, in the criterion's unit; of length 1 along axes that do not touch it."""
     with np.errstate(all="ignore"):  # what overflows is told by the points' status
         return np.asarray(MEASURES[name](case.vehicles()), dtype=float)
-
-
-def wavelengths(band: Band | None, speeds: NDArray[np.float64]) -> tuple[float, float]:
-    """The shortest and the longest wavelength that a band takes in at any of the speeds [m/s], m."""
-    if band is None:
-        return 0.0, math.inf
-    if band.kind == "wavelength":
-        return band.low, band.high
-    return float(speeds.min()) / band.high, float(speeds.max()) / band.low
 
 
 # --- what is outside its range ---------------------------------------------------------------------
@@ -148,20 +120,22 @@ def concerns(case: Case) -> tuple[Concern, ...]:
     Of a variant what lies further outside than the vehicle itself does; of the wheel-rail force the largest of all.
     """
     ends = corners(case)
+    if not case.is_half_vehicle:
+        return free_plausibility.concerns(ends)
     found = _of_one_model(ends)
     for variant in case.variants:
         widest = {concern.name: concern.measured for concern in found}
         for concern in _of_one_model(ends.of(variant)):
-            if not (concern.name in widest and _inside(concern.measured, widest[concern.name])):
+            if not (concern.name in widest and inside(concern.measured, widest[concern.name])):
                 found.append(replace(concern, text=f"{variant.words}: {concern.text}"))
     return tuple(concern for concern in (*found, _wheel_force(ends)) if concern)
 
 
 def _of_one_model(ends: Case) -> list[Concern]:
     """What is outside its usual range on the corners of a grid, but for the wheel-rail force."""
-    found = [_judged(ends, name, measure(ends, name)) for name in MEASURES]
+    found = [judged(ends, name, measure(ends, name)) for name in MEASURES]
     height = 1e3 * standard_deviation(ends.spectrum, (3.0, 25.0))
-    found.append(_judged(ends, "track_height", np.array(height)))
+    found.append(judged(ends, "track_height", np.array(height)))
     return [concern for concern in (*found, *_band_concerns(ends)) if concern]
 
 
@@ -174,86 +148,6 @@ def warn(case: Case) -> tuple[Concern, ...]:
     return found
 
 
-def _judged(case: Case, name: str, values: NDArray[np.float64], remedy: str = "", measured: str = "") -> Concern | None:
-    """The concern about values on the corners of a grid, if there is one."""
-    criterion = CRITERIA[name]
-    known = values[~np.isnan(values)]
-    if not known.size:
-        return None
-    low, high = float(known.min()), float(known.max())
-    if _inside((low, high), criterion.usual):
-        return None
-    text = measured or f"{criterion.what} {_span(low, high)} {criterion.unit}".rstrip() + _place(case, name, values)
-    text += f" (usual: {_range(criterion.usual, criterion.unit)})"
-    accepted = name in case.accepted and _inside((low, high), case.accepted[name])
-    if not accepted:
-        text = "; ".join([text, remedy or criterion.remedy, *_right_or_wrong(case, criterion, low, high)])
-        if high <= criterion.acceptable:
-            accepting = json.dumps(_accepting((low, high), criterion.usual)).replace("Infinity", "inf")
-            text += f"; or accept it: [accepted] {name} = {accepting}"
-    return Concern(name, (low, high), criterion.usual, accepted, text)
-
-
-def _right_or_wrong(case: Case, criterion: Criterion, low: float, high: float) -> list[str]:
-    """What else may be wrong with a case below or above a range, and what may be right."""
-    below, above = low < criterion.usual[0], high > criterion.usual[1]
-    sides = {
-        "half": above and 'if masses, springs and dampers of both sides are given, say so: --set "masses=whole"',
-        "whole": below and 'if masses, springs and dampers of one side are given, say so: --set "masses=half"',
-    }
-    words = [
-        criterion.sides and sides[case.masses],
-        below and criterion.right_below,
-        above and criterion.right_above,
-    ]
-    return [text for text in words if text]
-
-
-def _inside(measured: tuple[float, float], limits: tuple[float, float]) -> bool:
-    return bool(measured[0] >= limits[0] * (1 - 1e-9) and measured[1] <= limits[1] * (1 + 1e-9))
-
-
-def _place(case: Case, name: str, values: NDArray[np.float64]) -> str:
-    """Where on the grid the value lies that is furthest outside, by the axes that touch it."""
-    axes = [axis for axis in case.axes if axis.name != "speed"]
-    if values.ndim != len(axes) or values.size == 1:
-        return ""
-    low, high = CRITERIA[name].usual
-    with np.errstate(all="ignore"):
-        outside = np.where(np.isnan(values), -1.0, np.maximum(values / high, low / values))
-    index = np.unravel_index(int(np.argmax(outside)), values.shape)
-    where = [
-        f"{axis.name}={axis.values[i]:{'.0f' if axis.name == SAMPLE else '.4g'}} {axis.unit}".rstrip()
-        for axis, i, size in zip(axes, index, values.shape, strict=True)
-        if size > 1
-    ]
-    return f" ({values[index]:.3g} at {', '.join(where)})"
-
-
-def _span(low: float, high: float) -> str:
-    return f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
-
-
-def _range(limits: tuple[float, float], unit: str) -> str:
-    low, high = limits
-    words = f"at least {low:.4g}" if math.isinf(high) else f"{low:.4g} to {high:.4g}" if low else f"up to {high:.3g}"
-    return f"{words} {unit}".rstrip()
-
-
-def _accepting(measured: tuple[float, float], usual: tuple[float, float]) -> list[float]:
-    """A range with round ends that takes in both."""
-    low, high = (_rounded(value, way) for value, way in zip(measured, (math.floor, math.ceil), strict=True))
-    return [min(usual[0], low), max(_rounded(usual[1], math.ceil), high)]
-
-
-def _rounded(value: float, way: Callable[[float], int], digits: int = 2) -> float:
-    """A number to two significant digits, up (`math.ceil`) or down (`math.floor`)."""
-    if not 1e-280 < value < 1e280:
-        return value
-    places = digits - 1 - math.floor(math.log10(value))
-    return float(f"{way(round(value * 10.0**places, 9)) / 10.0**places:.{digits}g}")
-
-
 # --- the band --------------------------------------------------------------------------------------
 
 
@@ -262,14 +156,14 @@ def _band_concerns(case: Case) -> list[Concern]:
     found = []
     resonance, index = _lowest_resonance(case)
     ratio = _highest(case, case.band) / resonance
-    if not _inside((ratio, ratio), CRITERIA["wheelset_resonance"].usual):
+    if not inside((ratio, ratio), CRITERIA["wheelset_resonance"].usual):
         measured = _resonance_text(case, ratio, resonance, index)
-        found.append(_judged(case, "wheelset_resonance", np.array(ratio), _advice(case, "frequency"), measured))
+        found.append(judged(case, "wheelset_resonance", np.array(ratio), _advice(case, "frequency"), measured))
     if case.band and case.spectrum.name.startswith("german"):  # of the whole axis the resonance's concern says it
         ends = np.array(wavelengths(case.band, case.speeds()))
         # of the band at all speeds, at no one corner of the grid
-        words = f"{CRITERIA['wavelengths'].what} {_span(*ends)} m"
-        found.append(_judged(case, "wavelengths", ends, _advice(case, "wavelength"), words))
+        words = f"{CRITERIA['wavelengths'].what} {span(*ends)} m"
+        found.append(judged(case, "wavelengths", ends, _advice(case, "wavelength"), words))
     return [concern for concern in found if concern]
 
 
@@ -322,9 +216,9 @@ def _advice(case: Case, first: str) -> str:
     if not case.spectrum.name.startswith("german"):
         shortest, longest = 1.0, 200.0
     candidates = {
-        "frequency": Band("frequency", low, min(LIKELY[1], _rounded(highest, math.floor))),
+        "frequency": Band("frequency", low, min(LIKELY[1], rounded(highest, math.floor))),
         "wavelength": Band(
-            "wavelength", max(shortest, _rounded(float(case.speeds().max()) / highest, math.ceil)), longest
+            "wavelength", max(shortest, rounded(float(case.speeds().max()) / highest, math.ceil)), longest
         ),
     }
     for kind in (first, *candidates.keys() - {first}):
@@ -333,9 +227,9 @@ def _advice(case: Case, first: str) -> str:
             continue
         tried = replace(case, band=band)
         ratio = _highest(tried, band) / resonance
-        clear = _inside((ratio, ratio), usual["wheelset_resonance"])
+        clear = inside((ratio, ratio), usual["wheelset_resonance"])
         if case.spectrum.name.startswith("german"):
-            clear &= _inside(wavelengths(band, case.speeds()), usual["wavelengths"])
+            clear &= inside(wavelengths(band, case.speeds()), usual["wavelengths"])
         if clear:
             unit = "Hz" if kind == "frequency" else "m"
             return f'for a band clear of it sweep (anew) with --set "{kind}={band.low:g}:{band.high:g} {unit}"'
@@ -352,7 +246,7 @@ def _widest(case: Case, name: str) -> tuple[float, float]:
 
 def _wheel_force(case: Case) -> Concern | None:
     """The concern about contact lost, from a few corners of the grid, in all models of a case."""
-    case = _few_samples(case)
+    case = few_samples(case)
     vehicle = case.vehicles()
     models = [_on_the_grid(case, model) for model in case.models]
     values = np.full(vehicle.shape, np.nan)
@@ -370,23 +264,12 @@ def _wheel_force(case: Case) -> Concern | None:
         each = [force(grid.at(tuple(index[axis] for axis in axes)), speed) for grid, axes, speed in models]
         values[index] = max(each)
 
-    for index in _some_corners(vehicle.shape):
+    for index in some_corners(vehicle.shape):
         compute(index)
     worst = _worst_corner(values)
     if np.isnan(values[worst]):
         compute(worst)
-    return _judged(case, "wheel_force", values)
-
-
-def _few_samples(case: Case) -> Case:
-    """The case with those of its samples in which a parameter is smallest or largest, FORCES of them at most."""
-    if case.samples is None:
-        return case
-    rows = [f(column.si) for f in (np.argmin, np.argmax) for column in case.samples.columns]
-    numbers = case.samples.numbers[sorted(dict.fromkeys(map(int, rows)))[:FORCES]]
-    samples = case.samples.at(numbers)
-    axes = tuple(samples.axis if axis.name == SAMPLE else axis for axis in case.axes)
-    return replace(case, samples=samples, axes=axes)
+    return judged(case, "wheel_force", values)
 
 
 def _on_the_grid(case: Case, model: Variant) -> tuple[Vehicle, list[int], float]:
@@ -395,26 +278,6 @@ def _on_the_grid(case: Case, model: Variant) -> tuple[Vehicle, list[int], float]
     named = {axis.name for axis in own.axes}
     axes = [place for place, axis in enumerate(a for a in case.axes if a.name != "speed") if axis.name in named]
     return own.vehicles(), axes, float(own.speeds().max())
-
-
-def _some_corners(shape: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """All corners of a grid of so many ends an axis, or FORCES of them: both ends of every axis half of the time each,
-    the four pairs of ends of any two axes a quarter of it (two-level orthogonal array, for up to 15 axes of two ends).
-    """
-    axes = [axis for axis, ends in enumerate(shape) if ends > 1]
-    if math.prod(shape) <= FORCES:
-        return list(np.ndindex(shape))
-    if max(shape) > 2:  # samples: each once at least, with the others' corners in turn
-        longest = max(range(len(shape)), key=lambda axis: shape[axis])
-        others = _some_corners((*shape[:longest], 1, *shape[longest + 1 :]))
-        runs = range(max(FORCES, shape[longest]))
-        # a step that shares no factor with their number takes every corner beside many samples
-        corners = [others[(run + run // len(others)) % len(others)] for run in runs]
-        return [(*c[:longest], run % shape[longest], *c[longest + 1 :]) for run, c in zip(runs, corners, strict=True)]
-    # an axis's end is the parity of some bits of the run's number: other bits for every axis, odd numbers of them first
-    masks = sorted(range(1, FORCES), key=lambda mask: (mask.bit_count() % 2 == 0, mask.bit_count()))
-    bits = dict(zip(axes, masks, strict=False))
-    return [tuple((run & bits.get(axis, 0)).bit_count() % 2 for axis in range(len(shape))) for run in range(FORCES)]
 
 
 def _worst_corner(values: NDArray[np.float64]) -> tuple[int, ...]:
@@ -436,6 +299,8 @@ _VITALS = ("axle_load", "car_bounce", "car_pitch", "bogie_bounce", "pivot_distan
 def vitals(case: Case) -> list[dict[str, Any]]:
     """What an engineer knows a vehicle by, over the grid of a case: name, smallest, largest, unit."""
     ends = corners(case)
+    if not case.is_half_vehicle:
+        return free_plausibility.vitals(ends)
     found = {name: measure(ends, name) for name in _VITALS}
     return [
         {"quantity": name, "smallest": float(v.min()), "largest": float(v.max()), "unit": CRITERIA[name].unit}
@@ -447,10 +312,10 @@ def vitals_text(case: Case) -> str:
     """The same in a line."""
     words = {"pivot_distance": "pivots", "bogie_bounce": "bogie bounce"}
     parts = [
-        f"{words.get(v['quantity'], v['quantity'].replace('_', ' '))} {_span(v['smallest'], v['largest'])} {v['unit']}"
+        f"{words.get(v['quantity'], v['quantity'].replace('_', ' '))} {span(v['smallest'], v['largest'])} {v['unit']}"
         for v in vitals(case)
     ]
-    return ", ".join(parts) + " (whole vehicle, undamped)"
+    return ", ".join(parts) + (" (whole vehicle, undamped)" if case.is_half_vehicle else "")
 
 
 def recalled(attributes: Mapping[Any, Any]) -> list[dict[str, Any]]:

@@ -163,7 +163,7 @@ def _identity(plan: Plan, everything: Sequence[Part]) -> str:
     """SHA-256 of all that decides the bits of the blocks: a journal with another one is of another sweep."""
     facts = [
         plan.layout.case.effective,
-        variants.stored(plan.layout.case.variants),
+        variants.stored_all(plan.layout.case.variants),
         plan.layout.names,
         plan.layout.frequency.si.tolist() if plan.layout.frequency is not None else None,
         [block.key for block in everything],
