@@ -164,7 +164,7 @@ class Case:
         """
         if not self.is_half_vehicle:
             raise InputError(f"{self.name}: is no half vehicle, which this is for")
-        values = {name: value * _share(name, self.masses) for name, value in self.grid().items()}
+        values = {name: value * share(name, self.masses) for name, value in self.grid().items()}
         constant = values.pop("contact_constant", None)
         if constant is not None and "contact_stiffness" not in self.varied:
             load = static_wheel_load(values["car_body_mass"], values["bogie_mass"], values["wheelset_mass"])
@@ -496,7 +496,7 @@ def _sampled_twice(
     return problems
 
 
-def _share(name: str, masses: str) -> float:
+def share(name: str, masses: str) -> float:
     """What of a quantity as written the model takes: half of what both sides of a whole vehicle share."""
     return 0.5 if masses == "whole" and name in SHARED_BY_SIDES else 1.0
 
@@ -507,7 +507,7 @@ def _scalars(quantities: Mapping[str, Quantity], masses: str) -> dict[str, Quant
     constant = quantities.get("contact_constant")
     if constant is None or not set(names) <= quantities.keys():
         return dict(quantities)
-    load = static_wheel_load(*(quantities[name].value * _share(name, masses) for name in names))
+    load = static_wheel_load(*(quantities[name].value * share(name, masses) for name in names))
     stiffness = float(hertzian_contact_stiffness(constant.value, load))
     return {"contact_stiffness": Quantity(stiffness, f"{stiffness:.10g} N/m"), **quantities}
 

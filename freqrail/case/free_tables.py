@@ -39,18 +39,18 @@ def value_paths(tables: Mapping[str, Any]) -> dict[str, Path]:
         table = tables.get(kind, {})
         for name, each in table.items() if isinstance(table, dict) else ():
             if isinstance(each, dict):
-                for path in _paths((kind, name), _with_likes(table, each) if kind == "suspensions" else each):
+                for path in _paths((kind, name), liked(table, each) if kind == "suspensions" else each):
                     found.setdefault(leaf_name(path), path)
     return found
 
 
-def _with_likes(table: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """A suspension's table with the keys of those that it is like."""
+def liked(table: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """A suspension's table with the keys of those that it is like; table: all suspensions."""
     result, at, seen = dict(own), own, 0
     while isinstance(at.get("like"), str) and isinstance(table.get(at["like"]), dict) and seen < len(table):
         at, seen = table[at["like"]], seen + 1
         result = dict(at) | result
-    return result
+    return {key: value for key, value in result.items() if key != "like"}
 
 
 def _paths(path: Path, table: Mapping[str, Any]) -> Iterator[Path]:

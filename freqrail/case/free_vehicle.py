@@ -382,7 +382,7 @@ class _Reader:
         """Note wheels and bodies that no suspension is attached to."""
         held = set()
         for written in suspensions.values():
-            ends = written.get("between", ([],))[0]
+            ends: Any = written["between"][0] if "between" in written else []
             held |= {end for end in ends if isinstance(end, str)} if isinstance(ends, list) else set()
         for kind, words in (("wheels", "this wheel is carried by nothing"), ("bodies", "this body hangs on nothing")):
             for name, _ in self.each(kind) if suspensions else ():

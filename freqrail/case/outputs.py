@@ -178,7 +178,7 @@ class _Reader:
                 return False
         wheels = [abs(distance(body, self.bodies[name].place, values)) for name in self.wheels]
         if wheels and abs(x) > _OVERHANG * max(wheels):
-            place = f"{self.leaves.where(*at)}: {number(x)} m from the position of {body.name}"
+            words = f"{self.leaves.where(*at)}: {number(x)} m from the position of {body.name}"
             limit = f"{_OVERHANG:g} times the distance of the farthest wheel, {number(max(wheels))} m"
-            self.warned.append(f"{place} is outside the vehicle, beyond {limit}; check the place")
+            self.warned.append(f"{words} is outside the vehicle, beyond {limit}; check the place")
         return True

@@ -299,17 +299,33 @@ def replicate(quick: bool, output: str | None, as_json: bool) -> None:
 @AT
 @SET
 @click.option("--check", is_flag=True, help="Only check that a file is a whole result; safe for any file.")
+@click.option("--expand", is_flag=True, help="Print a case in the free form, every body and suspension written out.")
 @JSON
-def show(what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], check: bool, as_json: bool) -> None:
+def show(
+    what: str, at: Sequence[str], settings: Sequence[tuple[str, str]], check: bool, expand: bool, as_json: bool
+) -> None:
     """Show a case with what follows from it, or a result; with --at, the numbers of one grid point."""
     if _is_result(what):
+        if expand:
+            raise InputError("--expand: goes with a case, not with a result")
         if settings:
             raise InputError("--set: goes with a case; a result is what it is")
         _show_result(what, at, check, as_json)
     elif at or check:
         raise InputError(f"{'--at' if at else '--check'}: goes with a result, not with a case (got {what})")
+    elif expand:
+        _expand_case(what, once(settings, "--set"), as_json)
     else:
         _show_case(what, once(settings, "--set"), as_json)
+
+
+def _expand_case(what: str, settings: dict[str, str], as_json: bool) -> None:
+    from freqrail.case.case import load_case
+    from freqrail.case.expand import expanded
+    from freqrail.case.file import parse_toml
+
+    text = expanded(load_case(what, settings, scalars=True))
+    report(parse_toml(text, what) if as_json else {}, as_json, text.rstrip())
 
 
 def _show_case(what: str, settings: dict[str, str], as_json: bool) -> None:

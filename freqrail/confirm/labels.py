@@ -263,7 +263,7 @@ def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     if SAMPLE in swept(run.dataset):
         coordinates |= _samples_of_points(run)
     for name in (name for name in (*swept(run.dataset), *sampled(run.dataset)) if name != SAMPLE):
-        for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case.masses).items():
+        for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case).items():
             coordinates[key] = ("point", values, described)
     coordinates |= scalar_coordinates(run.case, run.band)
     coordinates |= position_coordinates({RESPONSES[name].dimension for name in run.names} | {"axle"})

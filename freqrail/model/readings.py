@@ -79,7 +79,9 @@ def usual_readings(bodies: Mapping[str, Body], suspensions: Sequence[str], wheel
     own = {name: body for name, body in bodies.items() if name not in wheels}
     labels = {"body": tuple(own), "suspension": tuple(suspensions), "wheel": tuple(wheels)}
     dimensions = {name: Dimension(_WORDS[name], some, some) for name, some in labels.items() if some}
-    outputs, responses, derived = [], {}, {}
+    outputs: list[Output] = []
+    responses: dict[str, Response] = {}
+    derived: dict[str, Derived] = {}
     for name, (dimension, quantity, words) in ALWAYS.items():
         kind = QUANTITIES[quantity]
         some = labels[dimension]

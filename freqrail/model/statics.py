@@ -85,3 +85,26 @@ def loose_motions(system: System, values: Values) -> list[dict[str, float]]:
         order = np.argsort(-shares)
         found.append({system.freedoms[i].name: float(shares[i]) for i in order if shares[i] > 0.1})
     return found
+
+
+def undamped_modes(system: System, values: Values) -> list[tuple[float, dict[str, float]]]:
+    """Natural frequencies, Hz, and {freedom: kinetic energy, as a share of the largest} without dashpots.
+
+    values: floats. What stands in series with a dashpot does not count. A rigid leg counts as very stiff. Source: the
+    generalised eigenvalue problem K x = omega^2 M x, scaled by the masses.
+    """
+    legs, k, wheels = _springs(system, values)
+    contacts = np.array([float(np.real(wheel.contact.stiffness(values, _AT_REST))) for wheel in system.wheels])
+    rows, stiff = np.concatenate([legs, wheels]), np.concatenate([k, contacts])
+    largest = max((float(v) for v in stiff if np.isfinite(v)), default=1.0)
+    stiff = np.where(np.isfinite(stiff), stiff, 1e3 * largest)
+    masses = np.array([float(np.asarray(values[f.inertia])) for f in system.freedoms])
+    scale = 1 / np.sqrt(masses)
+    w, v = np.linalg.eigh(np.einsum("li,l,lj->ij", rows * scale, stiff, rows * scale))
+    found = []
+    for square, column in zip(w, v.T, strict=True):
+        energy = np.square(column)  # of the masses: column is sqrt(M) x
+        shares = energy / np.max(energy)
+        names = {f.name: float(s) for f, s in zip(system.freedoms, shares, strict=True)}
+        found.append((float(np.sqrt(max(square, 0.0)) / (2 * np.pi)), names))
+    return found

@@ -161,7 +161,7 @@ def relabelled(exact: xr.Dataset, joint: NDArray[np.float64], rigid: NDArray[np.
     first = 0
     for name in IN_ORDER:
         dimension = RESPONSES[name].dimension
-        rows = slice(first, first + len(RESPONSES[name].signs))
+        rows = slice(first, first + max(1, len(RESPONSES[name].positions)))
         first = rows.stop
         variables[f"{name}_rms"] = ((*JOINTS, dimension, "speed"), joint[:, :, rows])
         variables[f"traditional_{name}_rms"] = ((dimension, "speed"), rigid[rows])

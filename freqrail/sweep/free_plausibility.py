@@ -17,14 +17,12 @@ from freqrail.case.axis import Axis
 from freqrail.case.case import Case
 from freqrail.case.criteria import CRITERIA
 from freqrail.case.samples import SAMPLE
-from freqrail.errors import InputError
 from freqrail.model.band import band_limits
 from freqrail.model.bodies import anatomy_of
 from freqrail.model.elements import Spring, Values
 from freqrail.model.spectrum import standard_deviation
-from freqrail.model.statics import GRAVITY, wheel_loads
+from freqrail.model.statics import GRAVITY, undamped_modes, wheel_loads
 from freqrail.model.system import System, evaluate
-from freqrail.solver.modes import Mode, system_modes
 from freqrail.solver.solve import solve
 from freqrail.sweep.concern import Concern, few_samples, judged, some_corners, span, wavelengths
 from freqrail.sweep.plan import problem_of_case
@@ -78,7 +76,7 @@ def _measured(system: System, points: list[dict[str, Any]]) -> Iterator[tuple[st
         yield "contact", 1e-9 * np.array([float(values[name]) for values in points for name in contacts])
         for level, name in ((_CAR, "radius_of_gyration"), (_BOGIE, "bogie_radius_of_gyration")):
             yield name, np.array([each for values in points for each in _gyrations(system, values, level)])
-        found = [_modes(system, values) for values in points]
+        found = [undamped_modes(system, values) for values in points]
         for name, (level, motion) in _MOTIONS.items():
             own = [f for modes in found for f in _frequencies(system, modes, level, motion)]
             yield name, np.array(own)
@@ -109,24 +107,11 @@ def _gyrations(system: System, values: Values, level: int) -> list[float]:
     return found
 
 
-def _modes(system: System, values: Values) -> tuple[Mode, ...]:
-    try:
-        return system_modes(system, {name: float(value) for name, value in values.items()})
-    except (InputError, ValueError):  # numbers too far apart, or a law without poles
-        return ()
-
-
-def _frequencies(system: System, modes: tuple[Mode, ...], level: int, motion: str) -> list[float]:
-    """Natural frequencies, Hz, of the oscillations in which bodies of a level move most, with that motion."""
+def _frequencies(system: System, modes: list[tuple[float, dict[str, float]]], level: int, motion: str) -> list[float]:
+    """Natural frequencies, Hz, of the motions in which bodies of a level have most of the energy, with that motion."""
     levels = _level(system)
     of = {f.name: (levels[f.body], f.motion) for f in system.freedoms}
-    found = []
-    for mode in modes:
-        if mode.damped_frequency:
-            largest = max(mode.displacements, key=lambda name: abs(mode.displacements[name]))
-            if of[largest] == (level, motion):
-                found.append(mode.natural_frequency)
-    return found
+    return [frequency for frequency, energy in modes if of[max(energy, key=energy.__getitem__)] == (level, motion)]
 
 
 def _band_concerns(case: Case, points: list[dict[str, Any]]) -> list[Concern | None]:

@@ -87,7 +87,7 @@ def sensitivity(
             [meaning(name, one.masses) for name in parameters],
             {"long_name": "meaning"},
         ),
-        **coordinate(speeds),
+        **coordinate(speeds, one),
         **position_coordinates(used),
     }
     here = parse_axis(PARAMETERS["speed"], one.quantities["speed"].text).values[0]

@@ -382,25 +382,25 @@ FAULTS = {
         "[vehicle].masses",
         'must be "half" (masses, inertias, springs and dampers of one side) or "whole" (of both sides) (got "hole")',
     ),
-    "version 2": (
-        put("", "schema_version", "2"),
+    "version 3": (
+        put("", "schema_version", "3"),
         "schema_version",
-        "unsupported schema_version: this freqrail reads 1 (got 2)",
+        "unsupported schema_version: this freqrail reads 1 and 2 (got 3)",
     ),
     "version true": (
         put("", "schema_version", "true"),
         "schema_version",
-        "unsupported schema_version: this freqrail reads 1 (got True)",
+        "unsupported schema_version: this freqrail reads 1 and 2 (got True)",
     ),
     "version in quotes": (
         put("", "schema_version", '"1"'),
         "schema_version",
-        'unsupported schema_version: this freqrail reads 1 (got "1")',
+        'unsupported schema_version: this freqrail reads 1 and 2 (got "1")',
     ),
     "version 1.0": (
         put("", "schema_version", "1.0"),
         "schema_version",
-        "unsupported schema_version: this freqrail reads 1 (got 1.0)",
+        "unsupported schema_version: this freqrail reads 1 and 2 (got 1.0)",
     ),
     "a huge hexadecimal version": (
         put("", "schema_version", "0x" + "F" * 5000),

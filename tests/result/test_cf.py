@@ -14,6 +14,7 @@ import xarray as xr
 
 import freqrail
 from freqrail.case.axis import parse_axis
+from freqrail.case.case import load_case
 from freqrail.case.parameters import PARAMETERS
 from freqrail.case.quantities import cf_unit, typed_unit, unit_factor
 from freqrail.cli.commands import run
@@ -205,7 +206,7 @@ def test_pint_and_udunits_read_every_unit_of_a_file_alike(file, confirmation):
 def test_units_of_axes_are_spelled_as_cf_has_them_or_turned_to_si(name, text, values, unit):
     """No unit is withheld but the contact constant's, whose fractional power UDUNITS has no word for."""
     axis = parse_axis(PARAMETERS[name], text)
-    _, found, described = coordinate(axis)[name]
+    _, found, described = coordinate(axis, load_case("yu-damper-joint"))[name]
     assert described["units"] == unit
     assert found == pytest.approx(values, rel=1e-5)
     in_si = cf_units.Unit(unit).convert(found, cf_units.Unit(cf_unit(PARAMETERS[name].unit)))
