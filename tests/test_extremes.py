@@ -40,6 +40,14 @@ def test_what_was_wrong_once_is_right(drawn):
     assert found.values > 0
 
 
+@pytest.mark.parametrize("number", [302, 1081, 1362])
+def test_wheels_that_stand_close_for_the_wave_are_told_apart(number):
+    """Draws of seed 21 whose primary strokes hung on differences of waves a millionth of a period apart."""
+    found = check(draw(21, number))
+    assert found.violations == []
+    assert found.values > 0
+
+
 def test_extremes_keep_their_promises():
     """Forty-five draws, most of their numbers given: no value is off by more than its estimate."""
     values = missing = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from freqrail.model.elements import Values
 from freqrail.model.inputs import cos_sin
 from freqrail.model.spectrum import Spectrum, angular_psd
 from freqrail.reduction.columns import Reduction
+from freqrail.reduction.forms import SAME
 from freqrail.solver.quadrature import Quadrature, WeightedNodes
 
 Array = NDArray[np.float64]
@@ -27,10 +28,10 @@ def wheel_waves(places: Array, delay: Array) -> tuple[Array, Array]:
 
     Wheels at x and -x get the same bits but for the sign, so that what cancels between them is zero.
     """
-    real, imaginary = np.empty((2, len(places), *delay.shape))
+    real, imaginary = np.empty((2, len(places), *delay.shape), dtype=delay.dtype)
     known: dict[float, tuple[Array, Array]] = {}
     for k, x in enumerate(places):
-        size = float(np.abs(x))
+        size = _near(float(np.abs(x)), known)
         if size not in known:
             known[size] = cos_sin(size * delay)
         real[k], imaginary[k] = known[size][0], known[size][1] if x >= 0 else -known[size][1]
@@ -38,27 +39,59 @@ def wheel_waves(places: Array, delay: Array) -> tuple[Array, Array]:
 
 
 def lag_functions(reduction: Reduction, places: Array, delay: Array) -> Array:
-    """Every lag function of a reduction, [lags, ...], -; delay: omega/v, rad/m."""
-    real, imaginary = wheel_waves(centred(places), delay)
+    """Every lag function of a reduction, [lags, ...], -; delay: omega/v, rad/m.
 
+    Sums over wheels that cancel where the delays are short keep their digits (see `_steps`).
+    """
+    places = centred(places)
+    waves, steps = wheel_waves(places, delay), None
     sums: dict[bytes, tuple[Array, Array]] = {}
-
-    def sum_over_wheels(weights: Array) -> tuple[Array, Array]:
+    for weights in (each for lag in reduction.lags for each in (lag.one, lag.other)):
         key = weights.tobytes()
-        if key not in sums:
-            # one by one, in the order of the wheels: a matrix product's bits would depend on the shape
-            sums[key] = _weighted(weights, real), _weighted(weights, imaginary)
-        return sums[key]
-
-    result = np.empty((len(reduction.lags), *delay.shape))
+        if key in sums:
+            continue
+        # one by one, in the order of the wheels: a matrix product's bits would depend on the shape
+        if abs(np.sum(weights)) > SAME * np.max(np.abs(weights)):
+            sums[key] = _weighted(weights, waves[0]), _weighted(weights, waves[1])
+        else:
+            steps = steps or _steps(places, delay)
+            order, real, imaginary = steps
+            along = np.cumsum(weights[order])[:-1]
+            along = np.where(np.abs(along) > SAME * np.max(np.abs(weights)), along, 0.0)
+            sums[key] = _weighted(along, real), _weighted(along, imaginary)
+    result = np.empty((len(reduction.lags), *delay.shape), dtype=waves[0].dtype)
     for k, lag in enumerate(reduction.lags):
-        (a, b), (c, d) = sum_over_wheels(lag.one), sum_over_wheels(lag.other)
+        (a, b), (c, d) = sums[lag.one.tobytes()], sums[lag.other.tobytes()]
         result[k] = lag.factor * (a * c + b * d if lag.part == "re" else b * c - a * d)
     return result
 
 
+def _steps(places: Array, delay: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    """Differences of the waves of neighbouring wheels, by product: (order of the wheels, real, imaginary parts).
+
+    A sum of weights W_w whose total is 0 is, by parts, the sum of W_1 + ... + W_k times u_k - u_(k+1), and with the
+    middle m and half the distance h of two wheels u_k - u_(k+1) = 2i sin(delay h) e^{i delay m}: nothing cancels where
+    the delay is short, as it does between the waves themselves.
+    """
+    order = np.argsort(-places, kind="stable")
+    ahead, behind = places[order[:-1]], places[order[1:]]
+    real, imaginary = wheel_waves((ahead + behind) / 2, delay)
+    known: dict[float, Array] = {}
+    for k, half in enumerate((ahead - behind) / 2):
+        size = _near(float(half), known)
+        if size not in known:
+            known[size] = 2 * cos_sin(size * delay)[1]
+        real[k], imaginary[k] = -known[size] * imaginary[k], known[size] * real[k]
+    return order, real, imaginary
+
+
+def _near(size: float, known: Iterable[float]) -> float:
+    """A distance, or one of those known that it is but for rounding, so that what is alike cancels."""
+    return next((other for other in known if abs(size - other) <= SAME * max(size, other)), size)
+
+
 def _weighted(weights: Array, waves: Array) -> Array:
-    total = np.zeros(waves.shape[1:])
+    total = np.zeros(waves.shape[1:], dtype=waves.dtype)
     for weight, wave in zip(weights, waves, strict=True):
         if weight:
             total += weight * wave
