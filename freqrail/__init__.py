@@ -26,6 +26,7 @@ for _folder in ("confirm", "freqrail", "sweep"):
 # Public names and the modules that hold them; loaded on first use, so that `freqrail --help` and
 # `import freqrail` cost nothing.
 _PUBLIC = {
+    "air_spring": "model.components",
     "load_case": "case.case",
     "shipped_cases": "case.shipped",
     "sweep": "sweep.sweep",
@@ -44,6 +45,7 @@ __all__ = [
     "FreqrailError",
     "FreqrailWarning",
     "__version__",
+    "air_spring",
     "confirm",
     "load_case",
     "modes",
@@ -62,6 +64,7 @@ if TYPE_CHECKING:
     from freqrail.confirm.confirm import confirm
     from freqrail.errors import FreqrailError, FreqrailWarning
     from freqrail.figures.plot import plot
+    from freqrail.model.components import air_spring
     from freqrail.replication.folder import replicate
     from freqrail.result.netcdf import open_result, write_result
     from freqrail.solver.modes import modes

@@ -10,5 +10,7 @@ def shipped_cases() -> dict[str, str]:
     """The cases that come with freqrail: {name: TOML text}."""
     inside = resources.files("freqrail") / "cases"
     folder = inside if inside.is_dir() else Path(__file__).parents[2] / "cases"
-    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    files = sorted(
+        (f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name.removesuffix(".toml")
+    )
     return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in files}

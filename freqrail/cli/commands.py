@@ -451,8 +451,11 @@ def cases(name: str | None, as_json: bool) -> None:
 
     shipped = shipped_cases()
     if name is None:
-        titles = {key: build_case(text).title for key, text in shipped.items()}
-        report(titles, as_json, *(f"{key}  {title}" for key, title in titles.items()))
+        from freqrail.cli import tables
+
+        records = [tables.case_summary(build_case(text, name=key)) for key, text in shipped.items()]
+        facts = {record["case"]: {k: v for k, v in record.items() if k != "case"} for record in records}
+        report(facts, as_json, tables.table(records))
     elif name in shipped and as_json:
         report({"name": name, "text": shipped[name]}, as_json)
     elif name in shipped:

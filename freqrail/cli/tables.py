@@ -123,6 +123,21 @@ def case_derived(case: Case) -> list[Record]:
     return [{"derived": name, "value": float(value), "unit": unit} for name, value, unit in rows]
 
 
+def case_summary(case: Case) -> Record:
+    """A case in a line: mass of the whole vehicle, distance of its first and last wheel, source."""
+    one = case.scalar_case
+    values, system = one.values(), case.described.system
+    masses = {freedom.body: values[freedom.inertia] for freedom in system.freedoms if freedom.motion == "bounce"}
+    places = [float(evaluate(wheel.place, values)) for wheel in system.wheels]
+    return {
+        "case": case.name,
+        "mass_t": round(2e-3 * float(sum(masses.values())), 3),
+        "wheels": len(places),
+        "length_m": round(places[0] - places[-1], 3),
+        "source": case.reference or case.title,
+    }
+
+
 def _half_vehicle_rows(case: Case) -> list[tuple[str, Any, str]]:
     vehicle = case.vehicle
     load = static_wheel_load(vehicle.car_body_mass, vehicle.bogie_mass, vehicle.wheelset_mass)
