@@ -354,10 +354,12 @@ def _read(tables: dict[str, Any], file: str, where: Callable[..., str], folder: 
         own = {*keys(tables, "sweep"), *sampled} - {*keys(tables, "parameters")}
         described, leaves = describe_free(tables, where, problems, warned, own)
         quantities = leaves.quantities()
-        variable = {**leaves.parameters(), "speed": PARAMETERS["speed"]}
-        unused = {*keys(tables, "parameters")} - {*variable}
+        unused = leaves.unused()
+        variable = {**leaves.parameters(), **unused, "speed": PARAMETERS["speed"]}
         if described is not None:
-            warned += [f"{where('parameters', name)}: nothing uses it" for name in sorted(unused)]
+            warned += [f"{where('parameters', name)}: nothing uses it" for name in unused]
+            varies = [name for name in unused if name in own or name in keys(tables, "sweep") or name in sampled]
+            problems += [f"{where('sweep', name)}: nothing uses {name}, so that it cannot vary" for name in varies]
     rest = {key: table for key, table in tables.items() if key not in ("samples", *(NESTED_HERE if free else EXTRA))}
     checked = None
     try:
@@ -376,7 +378,8 @@ def _read(tables: dict[str, Any], file: str, where: Callable[..., str], folder: 
         points = readable_points(tables, known, variable)
     if not free:
         described = describe_template(tables, quantities, where, problems, warned)
-    variants = _variants(tables, variable, where, problems)
+    known = {*variable, *(value_paths(tables) if free else ())}
+    variants = _variants(tables, variable, known, where, problems)
     frequency = sweep.pop("frequency", None)
     axes = tuple(sweep.values())
     samples = None
@@ -415,9 +418,16 @@ def _version_problems(tables: dict[str, Any], file: str) -> list[str]:
 
 
 def _variants(
-    tables: dict[str, Any], variable: Mapping[str, Parameter], where: Callable[..., str], problems: list[str]
+    tables: dict[str, Any],
+    variable: Mapping[str, Parameter],
+    known: Collection[str],
+    where: Callable[..., str],
+    problems: list[str],
 ) -> tuple[Variant, ...]:
-    """The variants of a case: its own, or those of a half vehicle that names none."""
+    """The variants of a case: its own, or those of a half vehicle that names none.
+
+    known: all names that there are, of which `variable` lacks those of a faulty vehicle.
+    """
     if "variants" not in tables:
         return () if is_free(tables) else DEFAULT
     table = tables["variants"]
@@ -432,7 +442,7 @@ def _variants(
         elif not isinstance(changes, dict) or not changes:
             problems.append(f'{place}: a table is expected, with what it fixes, as in joint = "inf" {given(changes)}')
         else:
-            found.append(_variant(name, changes, variable, where, problems))
+            found.append(_variant(name, changes, variable, known, where, problems))
     return tuple(found)
 
 
@@ -440,15 +450,18 @@ def _variant(
     name: str,
     changes: Mapping[str, Any],
     variable: Mapping[str, Parameter],
+    known: Collection[str],
     where: Callable[..., str],
     problems: list[str],
 ) -> Variant:
     values = {}
     for key, text in dict(flat_names(changes)).items():
         place = where("variants", name, key)
-        if key == "speed" or key not in variable:
-            known = [each for each in variable if each != "speed"]
-            problems.append(f"{place}: unknown name{suggestion(key, known)}")
+        if key == "speed" or key not in known:
+            names = sorted(each for each in known if each != "speed")
+            problems.append(f"{place}: unknown name{suggestion(key, names)}")
+            continue
+        if key not in variable:
             continue
         try:
             values[key] = parse_value(variable[key], text)

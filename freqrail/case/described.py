@@ -65,6 +65,11 @@ def describe_template(
     return Described(system, joined([HALF.readings, own]), VARIABLE, None, extra)
 
 
+def _keys(tables: Mapping[str, Any], name: str) -> Collection[str]:
+    found = tables.get(name, {})
+    return found if isinstance(found, dict) else ()
+
+
 def describe_free(
     tables: Mapping[str, Any],
     where: Callable[..., str],
@@ -73,8 +78,11 @@ def describe_free(
     own: Collection[str] = (),
 ) -> tuple[Described | None, Leaves]:
     """The vehicle of a free case, None if something is wrong with it, and its values as read."""
-    vehicle, leaves = read_free_vehicle(tables, where, problems, own)
-    if vehicle is None:
+    vehicle, leaves, bodies = read_free_vehicle(tables, where, problems, own)
+    if vehicle is None:  # its outputs are judged as far as they can be
+        names = {key: dict.fromkeys(_keys(tables, key), key) for key in ("bodies", "wheels", "suspensions")}
+        legs = {name: name for name in names["suspensions"]}
+        read_outputs(tables.get("outputs", {}), leaves, bodies, legs, names["wheels"], (), warned, names["bodies"])
         return None, leaves
     wheels = [wheel.name for wheel in vehicle.system.wheels]
     usual = usual_readings(vehicle.bodies, vehicle.suspensions, wheels)

@@ -61,14 +61,14 @@ class FreeVehicle:
 
 def read_free_vehicle(
     tables: Mapping[str, Any], where: Callable[..., str], problems: list[str], own: Collection[str] = ()
-) -> tuple[FreeVehicle | None, Leaves]:
-    """The vehicle of parsed tables, None if something is wrong with it, and the values as read.
+) -> tuple[FreeVehicle | None, Leaves, Mapping[str, Body]]:
+    """The vehicle of parsed tables, None if something is wrong with it; the values and the bodies as read.
 
     where: what messages call a place in the file, by its keys. problems: what is wrong is added, a line each. own:
     names of leaves that vary by themselves, though their text names a parameter.
     """
     reader = _Reader(tables, Leaves(where, problems, own))
-    return reader.vehicle(), reader.leaves
+    return reader.vehicle(), reader.leaves, reader.bodies
 
 
 class _Reader:

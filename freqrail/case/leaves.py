@@ -183,6 +183,11 @@ class Leaves:
             arm[""] = float(constant)
         return {name: factor for name, factor in arm.items() if factor}
 
+    def unused(self) -> dict[str, Parameter]:
+        """Parameters of the file that nothing uses, and what each is."""
+        rest = {name: read for name, read in self.known.items() if name not in self.used}
+        return {name: replace(KINDS[read.kind], name=name) for name, read in rest.items()}
+
     def numbers(self) -> dict[str, float]:
         """The values by name, SI."""
         return {name: read.quantity.value for name, read in self.used.items()}

@@ -34,13 +34,14 @@ def read_outputs(
     wheels: Collection[str],
     taken: Collection[str],
     warned: list[str],
+    faulty: Collection[str] = (),
 ) -> Readings:
     """The outputs of a table, those in order; what is wrong with the others is noted.
 
     suspensions: {name in the case: name of the leg}. taken: names of other responses. warned: lines to warn of are
-    added.
+    added. faulty: names of bodies that are there, but may not be among those read.
     """
-    reader = _Reader(leaves, bodies, suspensions, wheels, warned)
+    reader = _Reader(leaves, bodies, suspensions, wheels, warned, faulty)
     if not isinstance(table, dict):
         leaves.fault(("outputs",), f"must be a table {given(table)}")
         return reader.readings()
@@ -65,12 +66,14 @@ class _Reader:
         suspensions: Mapping[str, str],
         wheels: Collection[str],
         warned: list[str],
+        faulty: Collection[str],
     ) -> None:
         self.leaves = leaves
         self.bodies = bodies
         self.suspensions = suspensions
         self.wheels = wheels
         self.warned = warned
+        self.faulty = faulty
         self.outputs: list[Output] = []
         self.responses: dict[str, Response] = {}
         self.derived: dict[str, Any] = {}
@@ -96,7 +99,11 @@ class _Reader:
         if kind is None:
             leaves.fault((*path, "quantity"), f"unknown quantity{nearest_name(str(name), QUANTITIES)} {given(name)}")
             return
-        known = {"body": self.bodies, "suspension": self.suspensions, "wheel": self.wheels}[kind.of]
+        known = {
+            "body": {**self.bodies, **dict.fromkeys(self.faulty)},
+            "suspension": self.suspensions,
+            "wheel": self.wheels,
+        }[kind.of]
         example = {"body": '"car"', "suspension": '"secondary_front"', "wheel": '"axle_1"'}[kind.of]
         of = leaves.need(path, table, "of", example)
         if of is None:
@@ -106,7 +113,7 @@ class _Reader:
             return
         if "at" in table and (kind.of != "body" or name == "pitch_acceleration"):
             leaves.fault((*path, "at"), f"a {name.replace('_', ' ')} is the same everywhere; leave out `at`")
-        if len(leaves.problems) > before:
+        if len(leaves.problems) > before or (kind.of == "body" and of not in self.bodies):
             return
         places = self.places(path, table.get("at"), of) if kind.of == "body" else ((("", {}),))
         if places is None:
@@ -176,7 +183,7 @@ class _Reader:
                     f"{mode.order}, which covers {low:g} to {high:g} m",
                 )
                 return False
-        wheels = [abs(distance(body, self.bodies[name].place, values)) for name in self.wheels]
+        wheels = [abs(distance(body, self.bodies[w].place, values)) for w in self.wheels if w in self.bodies]
         if wheels and abs(x) > _OVERHANG * max(wheels):
             words = f"{self.leaves.where(*at)}: {number(x)} m from the position of {body.name}"
             limit = f"{_OVERHANG:g} times the distance of the farthest wheel, {number(max(wheels))} m"
