@@ -12,7 +12,7 @@ from freqrail.case.leaves import Leaves
 from freqrail.case.outputs import read_outputs
 from freqrail.case.parameters import PARAMETERS, VARIABLE, Parameter
 from freqrail.case.quantities import Quantity
-from freqrail.model.derived import complete
+from freqrail.model.derived import Derived, complete
 from freqrail.model.half_vehicle import BODIES, SUSPENSIONS, half_vehicle, outputs
 from freqrail.model.readings import Readings, joined, usual_readings
 from freqrail.model.responses import HALF_VEHICLE
@@ -30,6 +30,11 @@ class Described:
     variable: Mapping[str, Parameter]
     free: FreeVehicle | None = None
     stations: Mapping[str, Number] = field(default_factory=dict)
+
+    @property
+    def derived(self) -> tuple[Derived, ...]:
+        """Numbers that follow from others, in an order in which they can."""
+        return (*(self.free.derived if self.free else ()), *self.readings.derived)
 
     def values(self, own: Mapping[str, Number]) -> dict[str, Number]:
         """All numbers by name, SI, from those that may vary."""

@@ -41,6 +41,10 @@ def value_paths(tables: Mapping[str, Any]) -> dict[str, Path]:
             if isinstance(each, dict):
                 for path in _paths((kind, name), liked(table, each) if kind == "suspensions" else each):
                     found.setdefault(leaf_name(path), path)
+    outputs = tables.get("outputs", {})
+    for name, each in outputs.items() if isinstance(outputs, dict) else ():
+        if isinstance(each, dict) and "at" in each:
+            found.setdefault(leaf_name(("outputs", name, "at")), ("outputs", name, "at"))
     return found
 
 

@@ -245,12 +245,12 @@ def plot(result: str, output: str | None, file_format: str, at: Sequence[str]) -
     prepare_matplotlib()
     from freqrail.figures import plot as figures
     from freqrail.result.confirmation import is_confirmation
-    from freqrail.result.points import find_place, read_result
+    from freqrail.result.points import find_place, read_result, result_case
     from freqrail.sweep import off_grid
     from freqrail.sweep.plausibility import recalled
 
-    point = one_point(at)
     dataset = read_result(result)
+    point = one_point(at, result_case(dataset).variable)
     place = None if is_confirmation(dataset) else find_place(dataset, point)
     # what is off the grid is computed anew where a figure holds it; the rest of the figures is the result's own
     _repeat_warnings([*recalled(dataset.attrs), *(off_grid.warned(place) if place and place.anew else [])])
@@ -356,12 +356,13 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
     from freqrail.result.sandbox import check_result
     from freqrail.sweep import off_grid, plausibility
 
-    point = one_point(at)
     if check:
         facts = {"file": what, **check_result(what)}
         report(facts, as_json, f"{what}: whole; content digest {facts['digest'][:16]}... matches")
         return
     dataset = read_result(what)
+    case = result_case(dataset)
+    point = one_point(at, case.variable)
     if point is not None and not is_confirmation(dataset):
         warned = _repeat_warnings(off_grid.warned(find_place(dataset, point)))
         facts, lines = cli_tables.result_point(dataset, point)
@@ -376,7 +377,6 @@ def _show_result(what: str, at: Sequence[str], check: bool, as_json: bool) -> No
     if found := cli_tables.result_samples(dataset):
         parts["samples"] = found
     hint = f'one grid point: {program()} show {shlex.quote(what)} --at "{example_point(dataset)}"'
-    case = result_case(dataset)
     head = [cli_tables.result_head(dataset), plausibility.vitals_text(case), plausibility.accepted_text(warned)]
     report(
         {"title": dataset.attrs.get("title", ""), "vehicle": plausibility.vitals(case), "warnings": warned, **parts},
@@ -422,7 +422,7 @@ def sensitivity(
     from freqrail.sweep.sensitivity import sensitivity as elasticities
 
     loaded = load_case(case, once(settings, "--set"), scalars=True)
-    dataset = elasticities(loaded, one_point(at), responses)
+    dataset = elasticities(loaded, one_point(at, loaded.variable), responses)
     records = cli_tables.elasticity_records(dataset)
     notes = []
     if output is not None:

@@ -64,10 +64,10 @@ def once(pairs: Sequence[tuple[str, str]], option: str) -> dict[str, str]:
     return dict(pairs)
 
 
-def one_point(at: Sequence[str]) -> Any:
+def one_point(at: Sequence[str], variable: Any = None) -> Any:
     """The point of a single --at, None without one; these commands draw or show one point."""
     from freqrail.result.points import parse_point
 
     if len(at) > 1:
         raise InputError(f"--at: given {len(at)} times; this command takes one point")
-    return parse_point(at[0]) if at else None
+    return (parse_point(at[0], variable) if variable is not None else parse_point(at[0])) if at else None

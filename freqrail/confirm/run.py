@@ -233,7 +233,9 @@ def _places(dataset: xr.Dataset, case: Case, at: GivenPoints | None) -> list[Pla
     named: list[tuple[str, Point | None]]
     if at is not None:
         given_points = [at] if isinstance(at, str | Mapping) else list(at)
-        named = [("--at", parse_point(point) if isinstance(point, str) else point) for point in given_points]
+        named = [
+            ("--at", parse_point(point, case.variable) if isinstance(point, str) else point) for point in given_points
+        ]
     else:
         named = _own_points(dataset, case)
     places: list[Place] = []

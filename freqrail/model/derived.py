@@ -162,6 +162,7 @@ def slopes(derived: Iterable[Derived], values: Mapping[str, float], name: str, s
 
     values: floats, without the derived ones. Raises nothing; a number that does not follow from `name` is left out.
     """
+    derived = tuple(derived)
     some = [each.name for each in derived if name in followers(derived)[each.name]]
     if not some:
         return {}

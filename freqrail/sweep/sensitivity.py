@@ -13,16 +13,19 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import Axis, parse_axis
 from freqrail.case.case import Case, load_case
-from freqrail.case.parameters import PARAMETERS, meaning
+from freqrail.case.described import HALF
+from freqrail.case.parameters import PARAMETERS
 from freqrail.errors import InputError
+from freqrail.model.derived import followers, slopes
 from freqrail.model.elements import Values
-from freqrail.model.responses import RESPONSES
+from freqrail.reduction.columns import reduce
 from freqrail.result.axes import POINT_SPEED
 from freqrail.result.labels import attributes, coordinate, position_coordinates
 from freqrail.result.layout import response_names
 from freqrail.result.points import Point
+from freqrail.solver.block_slopes import lengths_free
 from freqrail.solver.gradient_solve import SPEED, RmsGradient, rms_gradients
-from freqrail.solver.problem import half_vehicle_problem
+from freqrail.solver.problem import Problem, half_vehicle_problem
 
 Array = NDArray[np.float64]
 
@@ -46,14 +49,13 @@ def sensitivity(
     """
     loaded = case if isinstance(case, Case) else load_case(case)
     one, speeds = _at(loaded, at or {})
-    names = response_names(responses)
-    problem = half_vehicle_problem(one.vehicle, speeds.si, one.spectrum, one.band, names)
-    own = [name for name in one.quantities if name not in ("contact_constant", "speed")]
-    found = rms_gradients(problem, (*dict.fromkeys((*own, "contact_stiffness")), SPEED))
-    parameters = [name for name in PARAMETERS if name in one.quantities]
+    names = response_names(responses, one.vocabulary)
+    problem, wanted = _problem(one, names, speeds.si)
+    found = rms_gradients(problem, (*wanted, SPEED))
+    parameters = _parameters(one)
     variables: dict[str, Any] = {}
     for name in names:
-        response, place = RESPONSES[name], (RESPONSES[name].dimension,) if RESPONSES[name].dimension else ()
+        response, place = one.vocabulary.responses[name], one.vocabulary.place(name)
         rms = found[name].rms
         elastic = _elasticities(found[name], problem.values, speeds.si)
         tables = [np.stack([_of_case(elastic, one, key)[i] for key in parameters]) for i in (0, 1)]
@@ -74,7 +76,7 @@ def sensitivity(
             np.abs(_placed(tables[1], bool(place))),
             {"units": "1", "long_name": f"estimated error of the {words}, absolute; numerical only"},
         )
-    used = {RESPONSES[name].dimension for name in names} - {""}
+    used = {one.vocabulary.responses[name].dimension for name in names} - {""}
     coordinates: dict[str, Any] = {
         "parameter": ("parameter", parameters, {"long_name": "parameter of the case"}),
         "parameter_value": (
@@ -84,11 +86,11 @@ def sensitivity(
         ),
         "parameter_meaning": (
             "parameter",
-            [meaning(name, one.masses) for name in parameters],
+            [one.meaning(name) for name in parameters],
             {"long_name": "meaning"},
         ),
         **coordinate(speeds, one),
-        **position_coordinates(used),
+        **position_coordinates(used, one.vocabulary),
     }
     here = parse_axis(PARAMETERS["speed"], one.quantities["speed"].text).values[0]
     return xr.Dataset(variables, coordinates, attributes(one, "sensitivity") | {POINT_SPEED: float(here)})
@@ -109,6 +111,28 @@ def _at(case: Case, point: Point) -> tuple[Case, Axis]:
     return replace(case, quantities=quantities, axes=(), samples=None), axis
 
 
+def _problem(one: Case, names: tuple[str, ...], speeds: Array) -> tuple[Problem, list[str]]:
+    """The vehicle of a case as a problem that can be differentiated, and by what."""
+    if one.described == HALF:
+        own = [name for name in one.quantities if name not in ("contact_constant", "speed")]
+        wanted = [*dict.fromkeys((*own, "contact_stiffness"))]
+        return half_vehicle_problem(one.vehicle, speeds, one.spectrum, one.band, names), wanted
+    described, values = one.described, one.values()
+    outputs = tuple(output for output in described.readings.outputs if output.name in names)
+    wanted = list(described.system.parameters)
+    reduction = reduce(described.system, outputs, lengths_free(values, wanted))
+    return Problem(reduction, {name: values[name] for name in wanted}, speeds, one.spectrum, one.band), wanted
+
+
+def _parameters(one: Case) -> list[str]:
+    """Names of what the case gives and the vehicle hangs on, in the order of the case; the speed last."""
+    if one.is_half_vehicle:
+        return [name for name in PARAMETERS if name in one.quantities]
+    own = {*one.described.system.parameters}
+    own |= {name for needs in followers(one.described.derived).values() for name in needs}
+    return [name for name in one.quantities if name in own or name == SPEED]
+
+
 Elasticity = tuple[Array, Array]
 """Values and errors, [labels, speeds] each."""
 
@@ -125,6 +149,8 @@ def _elasticities(gradient: RmsGradient, values: Values, speed: Array) -> dict[s
 
 def _of_case(elastic: Mapping[str, Elasticity], case: Case, name: str) -> Elasticity:
     """By a parameter of the case, which may change the contact stiffness too: K_H = 1.5 P0^(1/3)/G (eq. 1)."""
+    if not case.is_half_vehicle:
+        return _of_free_case(elastic, case, name)
     contact, contact_error = elastic["contact_stiffness"]
     if name == "contact_constant":
         return -contact, contact_error
@@ -133,6 +159,22 @@ def _of_case(elastic: Mapping[str, Elasticity], case: Case, name: str) -> Elasti
         loads = {mass: factor * case.quantities[mass].value for mass, factor in LOADS.items()}
         share = loads[name] / sum(loads.values()) / 3
         return value + share * contact, error + share * contact_error
+    return value, error
+
+
+def _of_free_case(elastic: Mapping[str, Elasticity], case: Case, name: str) -> Elasticity:
+    """By a parameter of a free vehicle, and by what follows from it: masses of modes, shapes at a place, contacts."""
+    if name == SPEED:
+        return elastic[SPEED]
+    described = case.described
+    values = {key: quantity.value for key, quantity in case.quantities.items() if key != SPEED}
+    whole = described.values(values)
+    nothing = np.zeros_like(next(iter(elastic.values()))[0])
+    value, error = elastic.get(name, (nothing, nothing))
+    for target, slope in slopes(described.derived, values, name).items():
+        share = slope * values[name] / float(whole[target]) if whole[target] else 0.0
+        if target in elastic:
+            value, error = value + share * elastic[target][0], error + abs(share) * elastic[target][1]
     return value, error
 
 
