@@ -44,7 +44,7 @@ from freqrail.errors import FreqrailWarning, InputError
 from freqrail.model.band import Band
 from freqrail.model.responses import Vocabulary
 from freqrail.model.spectrum import GERMAN_CUTOFFS, GERMAN_ROUGHNESS, RationalSpectrum
-from freqrail.model.variants import BASE, DEFAULT, TRADITIONAL, Variant
+from freqrail.model.variants import BASE, DEFAULT, ITSELF, TRADITIONAL, Variant
 from freqrail.model.vehicle import Vehicle, hertzian_contact_stiffness, static_wheel_load
 from freqrail.text import given
 from freqrail.types import Number
@@ -121,7 +121,7 @@ class Case:
     @property
     def models(self) -> tuple[Variant, ...]:
         """The vehicle itself and its variants, in the order in which they are computed and stored."""
-        return (BASE, *self.variants)
+        return (BASE if self.is_half_vehicle else ITSELF, *self.variants)
 
     def of(self, model: Variant) -> Case:
         """The case as one of its models has it: with the numbers that this fixes, and without their axes."""

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from freqrail.case.case import Case
 from freqrail.cli.terminal import program
 from freqrail.model.band import band_text
 from freqrail.sweep import plausibility
@@ -57,7 +58,7 @@ def outcome(plan: Plan, done: Outcome, seconds: float, resumed: bool) -> Report:
     next_step = "show" if plan.points == 1 or math.isnan(error) else "plot"
     lines = [
         f"{counted(plan.points, 'grid point')} ({grid_text(plan)}), {counted(len(plan.layout.names), 'response')}, "
-        f"with joints and {', '.join(variant.name for variant in plan.layout.case.variants)}",
+        _models(plan.layout.case),
         plausibility.vitals_text(plan.layout.case),
         *filter(None, [plausibility.accepted_text(warned)]),
         f"band {band_text(plan.layout.case.band)}; {accuracy}",
@@ -86,3 +87,11 @@ def _facts(plan: Plan) -> dict[str, Any]:
         "responses": list(plan.layout.names),
         "vehicle": plausibility.vitals(case),
     }
+
+
+def _models(case: Case) -> str:
+    """The models of a case in words: with joints and traditional, or a free vehicle and its variants."""
+    names = ", ".join(variant.name for variant in case.variants)
+    if case.is_half_vehicle:
+        return f"with joints and {names}" if names else "with joints"
+    return f"and {names} beside" if names else "no variants"

@@ -22,7 +22,7 @@ from freqrail.model.responses import HALF_VEHICLE, Response, Vocabulary
 from freqrail.model.spectrum import standard_deviation
 from freqrail.model.statics import wheel_loads
 from freqrail.model.system import evaluate
-from freqrail.model.variants import TRADITIONAL, Variant
+from freqrail.model.variants import BASE, TRADITIONAL, Variant
 from freqrail.model.vehicle import static_wheel_load
 from freqrail.result import confirmation
 from freqrail.result.axes import axis_label, axis_unit, first_failures, point_speed, sampled, swept
@@ -318,7 +318,7 @@ def result_ranges(dataset: xr.Dataset) -> list[Record]:
                 {
                     "variable": variable,
                     "response": response.long_name,
-                    "model": model.name or "joints",
+                    "model": model.name or ("joints" if model == BASE else "itself"),
                     "smallest": float(values[has].min()) if has.any() else math.nan,
                     "largest": float(values[has].max()) if has.any() else math.nan,
                     "unit": response.unit,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Callable
 from functools import partial
@@ -44,7 +45,8 @@ def _title(dataset: xr.Dataset, name: str) -> str:
     vocabulary = vocabulary_of(dataset)
     response = vocabulary.responses[name]
     place = f", {vocabulary.dimensions[response.dimension].words[0]}" if response.dimension else ""
-    return "\n".join(textwrap.wrap(f"{response.long_name}{place}", _WIDEST))
+    words = re.sub(r"(?<=\d) (?=m\b)", "\N{NO-BREAK SPACE}", f"{response.long_name}{place}")
+    return "\n".join(textwrap.wrap(words, _WIDEST))
 
 
 def _symbol(name: str) -> str:

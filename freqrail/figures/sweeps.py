@@ -41,7 +41,7 @@ from freqrail.figures.style import (
 from freqrail.figures.style import family as family_styles
 from freqrail.model.band import band_limits
 from freqrail.model.responses import Response
-from freqrail.model.variants import BASE, Variant
+from freqrail.model.variants import Variant
 from freqrail.result.axes import axis_label, axis_unit, grid_axis, sampled, swept, swept_by
 from freqrail.result.variants import models_of, variants_of
 from freqrail.result.vocabulary import vocabulary_of
@@ -142,7 +142,7 @@ def _curves(dataset: xr.Dataset, case: Case, index: Mapping[str, int], along: st
         for variant, each, lines in zip(variants, own, dashed, strict=True)
     ]
     if any(own) or not family:
-        models.insert(0, handle(grey if family else styles[0], BASE.words))
+        models.insert(0, handle(grey if family else styles[0], models_of(dataset)[0].words))
     if np.isinf(x).any():
         mark = {
             "color": "0.4" if family else BLUE,
@@ -172,7 +172,7 @@ def _map(dataset: xr.Dataset, case: Case, index: Mapping[str, int], name: str) -
     """RMS over speed and another swept parameter as colours: a cell a grid point, grey where there is no result."""
     finite = np.flatnonzero(np.isfinite(dataset[name].values))
     where: dict[str, int | NDArray[np.intp]] = {**index, "speed": np.arange(dataset.sizes["speed"]), name: finite}
-    caption = _caption(dataset, case, "_rms", where, (BASE,))
+    caption = _caption(dataset, case, "_rms", where, models_of(dataset)[:1])
     if finite.size < dataset.sizes[name]:
         caption.append("the rigid joint is not drawn")
     figure, drawn = _panels(dataset, "_rms", caption)

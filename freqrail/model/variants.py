@@ -38,6 +38,9 @@ class Variant:
 BASE = Variant("", "model with damper joints", {})
 """The vehicle itself, which fixes nothing."""
 
+ITSELF = Variant("", "vehicle as the case has it", {})
+"""The same of a vehicle of the free form, which may have no joints."""
+
 TRADITIONAL = Variant(
     "traditional",
     "traditional model, rigid damper joints",

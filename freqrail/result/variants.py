@@ -14,8 +14,10 @@ from collections.abc import Collection, Sequence
 import xarray as xr
 
 from freqrail.errors import InputError
+from freqrail.model.readings import ALWAYS
 from freqrail.model.responses import RESPONSES
-from freqrail.model.variants import BASE, DEFAULT, Variant
+from freqrail.model.variants import BASE, DEFAULT, ITSELF, Variant
+from freqrail.result.vocabulary import vocabulary_of
 from freqrail.text import given
 
 ATTRIBUTE = "variants"
@@ -76,7 +78,8 @@ def _variant(record: dict) -> Variant:
 
 def models_of(dataset: xr.Dataset) -> tuple[Variant, ...]:
     """The vehicle itself and its variants, in the order of their variables."""
-    return (BASE, *variants_of(dataset))
+    free = next(iter(ALWAYS)) in vocabulary_of(dataset).responses
+    return (ITSELF if free else BASE, *variants_of(dataset))
 
 
 def owner(variable: str, models: Sequence[Variant], responses: Collection[str] = tuple(RESPONSES)) -> Variant:
