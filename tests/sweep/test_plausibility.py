@@ -25,6 +25,7 @@ from freqrail.model.vehicle import half_vehicle, static_wheel_load
 from freqrail.solver.contact_force import contact_force, contact_force_rms
 from freqrail.solver.modes import modes
 from freqrail.sweep import plausibility
+from freqrail.sweep.concern import some_corners
 from tests.fleet import FLEET, LENGTHS, PAPER, TYPICAL, UNITS, case_text, half
 from tests.helpers import INDEX, all_poles, density, lagged, lags, random_vehicles, reference_nodes
 
@@ -304,7 +305,7 @@ def test_a_grid_with_many_axes_is_judged_by_some_of_its_corners(monkeypatch):
 @pytest.mark.parametrize("axes", range(16))
 def test_some_corners_hold_both_ends_of_every_axis_and_all_pairs_of_ends_of_two(axes):
     shape = (1, *(2,) * axes, 1)
-    chosen = np.array(plausibility._some_corners(shape))
+    chosen = np.array(some_corners(shape))
     assert len(np.unique(chosen, axis=0)) == len(chosen) == min(2**axes, plausibility.FORCES)
     for one in range(1, axes + 1):
         assert set(chosen[:, one]) == {0, 1}

@@ -21,7 +21,7 @@ from freqrail.result import content
 from freqrail.result.axes import sampled, swept_by
 from freqrail.result.check import faults
 from freqrail.result.points import find_place, parse_point, read_result, result_case
-from freqrail.sweep import journal, off_grid, parts, plausibility, sweep
+from freqrail.sweep import concern, journal, off_grid, parts, plausibility, sweep
 from freqrail.sweep.plan import Plan
 
 SAMPLES = {
@@ -229,10 +229,10 @@ def test_a_sample_in_the_middle_is_warned_of_though_the_ends_are_usual():
 def test_of_many_samples_the_wheel_force_is_computed_at_few():
     samples = {"bogie_mass [kg]": np.linspace(500, 700, 200), "wheelset_mass [kg]": np.linspace(700, 600, 200)}
     case = load_case("yu-damper-joint", over=OVER, samples=samples)
-    few = plausibility._few_samples(plausibility.corners(case))
+    few = concern.few_samples(concern.corners(case))
     assert few.samples.numbers.tolist() == [1, 200]
     shape = (7, 2, 2, 2, 2, 2)
-    corners = plausibility._some_corners(shape)
+    corners = concern.some_corners(shape)
     assert len(corners) == plausibility.FORCES
     for axis, size in enumerate(shape):
         assert {corner[axis] for corner in corners} == {*range(size)}
