@@ -61,6 +61,12 @@ def cli() -> None:
 @SET
 @RESPONSES
 @click.option("--psd", is_flag=True, help="Store spectra too.")
+@click.option(
+    "--gradients",
+    metavar="NAME,...",
+    default="",
+    help='Store slopes of the RMS values by these parameters too, or by "all".',
+)
 @click.option("--dry-run", is_flag=True, help="Say what would be computed, its size and time; write nothing.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file.")
 @click.option("--resume", is_flag=True, help="Take over the finished blocks of an interrupted run of the same sweep.")
@@ -77,6 +83,7 @@ def sweep(
     settings: Sequence[tuple[str, str]],
     responses: str,
     psd: bool,
+    gradients: str,
     dry_run: bool,
     overwrite: bool,
     resume: bool,
@@ -97,7 +104,7 @@ def sweep(
 
     executor = _executor(jobs, dask)
     loaded = load_case(case, settings_by_name, over_by_name, samples=samples)
-    layout = planned_layout(loaded, responses, psd)
+    layout = planned_layout(loaded, responses, psd, gradients)
     wanted = Path("results", f"{layout.case.name}.nc") if output is None else output
     target = check_target(wanted, overwrite or dry_run, (case,), 2 * stored_bytes(layout), new_folder=output is None)
     plan = Plan.for_layout(layout)

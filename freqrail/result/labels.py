@@ -31,16 +31,23 @@ from freqrail.model.responses import HALF_VEHICLE, Vocabulary
 from freqrail.result import vocabulary
 from freqrail.result.axes import SAMPLE_NAME
 from freqrail.result.content import SCHEMA_VERSION
-from freqrail.result.layout import Layout, variables
+from freqrail.result.layout import PARAMETER, Layout, variables
 from freqrail.result.variants import ATTRIBUTE, stored, stored_all
 from freqrail.solver.solution import Solution
 from freqrail.version import __version__
 
 
 def arrays(
-    layout: Layout, prefix: str, solution: Solution, spectra: Mapping[str, NDArray] | None
+    layout: Layout,
+    prefix: str,
+    solution: Solution,
+    spectra: Mapping[str, NDArray] | None,
+    gradients: Mapping[str, tuple[NDArray, NDArray]] | None = None,
 ) -> dict[str, NDArray]:
-    """The numbers of a model, or of a part of its grid, by variable and in the order of its dimensions."""
+    """The numbers of a model, or of a part of its grid, by variable and in the order of its dimensions.
+
+    gradients: {response: (slopes, errors)}, [positions, vehicles..., speeds, parameters].
+    """
     swept = [axis.name for axis in layout.axes(prefix)]
     result: dict[str, NDArray] = {}
     for name in layout.names:
@@ -49,6 +56,10 @@ def arrays(
         result[f"{prefix}{name}_rms_relative_error"] = _arrange(solution.relative_error[name], swept, squeeze)
         if spectra is not None:
             result[f"{prefix}{name}_psd"] = _arrange(spectra[name], swept, squeeze)
+        for kind, values in zip(
+            ("_rms_gradient", "_rms_gradient_error"), (gradients or {}).get(name, ()), strict=False
+        ):
+            result[f"{prefix}{name}{kind}"] = _arrange(values, swept, squeeze)
     result[f"{prefix}status"] = _arrange(solution.status[None], swept, True)
     result[f"{prefix}method"] = _arrange(solution.method[None], swept, True)
     return result
@@ -64,6 +75,15 @@ def skeleton(layout: Layout) -> xr.Dataset:
     coordinates |= position_coordinates(used, layout.vocabulary)
     if layout.frequency is not None:
         coordinates |= coordinate(layout.frequency, layout.case)
+    if layout.gradients:
+        units = [
+            cf_unit(layout.case.parameter(name).unit) or layout.case.parameter(name).unit
+            if has_dimension(layout.case.parameter(name))
+            else "1"
+            for name in layout.gradients
+        ]
+        coordinates[PARAMETER] = (PARAMETER, np.array(layout.gradients), {"long_name": "parameter of the case"})
+        coordinates[f"{PARAMETER}_unit"] = (PARAMETER, np.array(units), {"long_name": "unit of the parameter"})
     coordinates |= scalar_coordinates(layout.case, layout.case.band)
     return xr.Dataset({}, coordinates, attributes(layout.case, "sweep"))
 

@@ -17,14 +17,21 @@ from freqrail.model.variants import Variant
 from freqrail.result.content import Variable
 from freqrail.solver.solution import METHOD, STATUS
 
+PARAMETER = "parameter"
+"""The dimension of slopes."""
+
 
 @dataclass(frozen=True)
 class Layout:
-    """What a result holds: the responses by name, over the axes of a case, and where its spectra are, if it has any."""
+    """What a result holds: the responses by name, over the axes of a case, and where its spectra are, if it has any.
+
+    gradients: the parameters by which slopes of the RMS values are stored.
+    """
 
     case: Case
     names: tuple[str, ...]
     frequency: Axis | None
+    gradients: tuple[str, ...] = ()
 
     def axes(self, prefix: str) -> tuple[Axis, ...]:
         """The swept parameters of the model whose variables have a prefix, in the order given."""
@@ -59,6 +66,7 @@ def variables_of(layout: Layout, prefix: str) -> dict[str, Variable]:
     words = layout.model(prefix).words
     axes = layout.axes(prefix)
     sizes = {name: len(dimension.labels) for name, dimension in layout.vocabulary.dimensions.items()}
+    sizes[PARAMETER] = len(layout.gradients)
     if layout.frequency is not None:
         sizes["frequency"] = layout.frequency.si.size
     result: dict[str, Variable] = {}
@@ -95,6 +103,13 @@ def variables_of(layout: Layout, prefix: str) -> dict[str, Variable]:
                 "long_name": f"one-sided PSD of the {response.long_name}, {words}",
             }
             add(f"{name}_psd", (*place, "frequency"), float, spectrum)
+    for name in layout.names if layout.gradients else ():
+        response, place = layout.response(name), layout.vocabulary.place(name)
+        slope = f"slope of the RMS of the {response.long_name} by a parameter, {words}"
+        unit = f"in {response.unit} over the unit that the coordinate {PARAMETER}_unit tells"
+        add(f"{name}_rms_gradient", (*place, PARAMETER), float, {"long_name": slope, "comment": unit})
+        error = {"long_name": f"estimated error of the {slope}, absolute; numerical only", "comment": unit}
+        add(f"{name}_rms_gradient_error", (*place, PARAMETER), float, error)
     add("status", (), np.int8, flags(STATUS, f"outcome of the computation, {words}"))
     add("method", (), np.int8, flags(METHOD, f"method of the computation, {words}"))
     return result

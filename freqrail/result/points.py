@@ -316,7 +316,9 @@ def layout_of(dataset: xr.Dataset, case: Case) -> Layout:
     if "frequency" in dataset.dims:
         values = dataset["frequency"].values
         frequency = Axis("frequency", values, "Hz", values, "")
-    return Layout(case, tuple(name for name in vocabulary_of(dataset).responses if f"{name}_rms" in dataset), frequency)
+    names = tuple(name for name in vocabulary_of(dataset).responses if f"{name}_rms" in dataset)
+    slopes = any(f"{name}_rms_gradient" in dataset for name in names)
+    return Layout(case, names, frequency, tuple(map(str, dataset["parameter"].values)) if slopes else ())
 
 
 def _axis_text(axis: Axis, si: np.ndarray) -> str:

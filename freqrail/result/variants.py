@@ -26,7 +26,7 @@ ATTRIBUTE = "variants"
 FLAGS = ("status", "method")
 """The variables that each model has one of, beside those of its responses."""
 
-KINDS = ("_rms", "_rms_relative_error", "_psd")
+KINDS = ("_rms", "_rms_relative_error", "_psd", "_rms_gradient", "_rms_gradient_error")
 """How the variables of a response end."""
 
 

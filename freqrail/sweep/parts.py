@@ -17,6 +17,7 @@ from freqrail.result import content, labels, layout
 from freqrail.solver import solve
 from freqrail.solver.panels import SharedPanels, shared_panels
 from freqrail.solver.problem import cells
+from freqrail.sweep.gradients import grid_gradients
 from freqrail.sweep.plan import Plan
 from freqrail.types import Progress
 
@@ -43,6 +44,7 @@ def cut(plan: Plan) -> list[Part]:
     result = []
     for prefix, problem in plan.problems.items():
         lines = plan.layout.frequency.si.size if plan.layout.frequency is not None else 1
+        lines *= 1 + 10 * len(plan.layout.gradients)  # a slope takes about ten times as long as the value
         swept = [axis.name for axis in plan.layout.axes(prefix)]
         for cell in cells(problem.vehicles, max(1, POINTS // (problem.speed.size * lines))):
             place = list(cell)
@@ -74,7 +76,12 @@ def compute(
     problem = plan.problems[block.prefix].cut(block.cell)
     solution = solve.solve(problem, jobs, progress, shared[block.prefix])
     spectra = solve.psd(problem, plan.layout.frequency.si, progress) if plan.layout.frequency is not None else None
-    return labels.arrays(plan.layout, block.prefix, solution, spectra)
+    slopes = None
+    if plan.layout.gradients:
+        model = plan.layout.model(block.prefix)
+        own = plan.layout.case.of(model)
+        slopes = grid_gradients(own, plan.layout.names, plan.layout.gradients, block.cell, model.fixed)
+    return labels.arrays(plan.layout, block.prefix, solution, spectra, slopes)
 
 
 def pack(plan: Plan, block: Part, values: Mapping[str, NDArray]) -> bytes:

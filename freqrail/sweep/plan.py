@@ -18,6 +18,7 @@ from freqrail.model.system import alike
 from freqrail.result.layout import Layout, response_names
 from freqrail.solver import solve
 from freqrail.solver.problem import Problem, half_vehicle_problem, problem_of
+from freqrail.sweep.gradients import parameter_names
 
 PSD_POINTS = 400
 PSD_RANGE = (0.01, 500.0)  # Hz, where no band is given
@@ -74,10 +75,16 @@ def problem_of_case(case: Case, names: tuple[str, ...]) -> Problem:
     return problem_of(system, outputs, values, case.speeds(), case.spectrum, case.band)
 
 
-def planned_layout(case: Case, responses: str | Sequence[str] = "paper", psd: bool = False) -> Layout:
-    """What a sweep of a checked case stores. Raises InputError for an unknown response."""
+def planned_layout(
+    case: Case,
+    responses: str | Sequence[str] = "paper",
+    psd: bool = False,
+    gradients: str | Sequence[str] = (),
+) -> Layout:
+    """What a sweep of a checked case stores. Raises InputError for an unknown response or parameter."""
     frequency = (case.frequency or _default_frequency(case)) if psd else None
-    return Layout(case, response_names(responses, case.vocabulary), frequency)
+    wanted = parameter_names(case, gradients) if gradients else ()
+    return Layout(case, response_names(responses, case.vocabulary), frequency, wanted)
 
 
 def stored_bytes(layout: Layout) -> int:
@@ -87,7 +94,7 @@ def stored_bytes(layout: Layout) -> int:
     points = sum(math.prod(axis.si.size for axis in layout.axes(model.prefix)) for model in layout.models)
     # the last: what HDF5 and attributes take
     return (
-        points * (8 * series * (2 + lines) + 2)
+        points * (8 * series * (2 + lines + 2 * len(layout.gradients)) + 2)
         + 6_000 * len(layout.names)
         + 2 * len(layout.case.text)
         + 50_000

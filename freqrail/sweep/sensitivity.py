@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,24 +13,17 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import Axis, parse_axis
 from freqrail.case.case import Case, load_case
-from freqrail.case.described import HALF
 from freqrail.case.parameters import PARAMETERS
 from freqrail.errors import InputError
-from freqrail.model.derived import followers, slopes
 from freqrail.model.elements import Values
-from freqrail.reduction.columns import reduce
 from freqrail.result.axes import POINT_SPEED
 from freqrail.result.labels import attributes, coordinate, position_coordinates
 from freqrail.result.layout import response_names
 from freqrail.result.points import Point
-from freqrail.solver.block_slopes import lengths_free
 from freqrail.solver.gradient_solve import SPEED, RmsGradient, rms_gradients
-from freqrail.solver.problem import Problem, half_vehicle_problem
+from freqrail.sweep.gradients import differentiable, parameters_of, slope_of_case
 
 Array = NDArray[np.float64]
-
-LOADS = {"car_body_mass": 1 / 4, "bogie_mass": 1 / 2, "wheelset_mass": 1.0}
-"""What of a mass the static load of one wheel holds (below eq. 1)."""
 
 
 def sensitivity(
@@ -50,15 +43,15 @@ def sensitivity(
     loaded = case if isinstance(case, Case) else load_case(case)
     one, speeds = _at(loaded, at or {})
     names = response_names(responses, one.vocabulary)
-    problem, wanted = _problem(one, names, speeds.si)
+    problem, wanted = differentiable(one, names, speeds.si)
     found = rms_gradients(problem, (*wanted, SPEED))
-    parameters = _parameters(one)
+    parameters = parameters_of(one)
     variables: dict[str, Any] = {}
     for name in names:
         response, place = one.vocabulary.responses[name], one.vocabulary.place(name)
         rms = found[name].rms
-        elastic = _elasticities(found[name], problem.values, speeds.si)
-        tables = [np.stack([_of_case(elastic, one, key)[i] for key in parameters]) for i in (0, 1)]
+        elastic = [_elasticity(found[name], one, problem.values, key, speeds.si) for key in parameters]
+        tables = [np.stack([each[i] for each in elastic]) for i in (0, 1)]
         dims = ("parameter", "speed", *place)
         variables[f"{name}_rms"] = (
             dims[1:],
@@ -78,7 +71,7 @@ def sensitivity(
         )
     used = {one.vocabulary.responses[name].dimension for name in names} - {""}
     coordinates: dict[str, Any] = {
-        "parameter": ("parameter", parameters, {"long_name": "parameter of the case"}),
+        "parameter": ("parameter", list(parameters), {"long_name": "parameter of the case"}),
         "parameter_value": (
             "parameter",
             [one.quantities[name].text for name in parameters],
@@ -111,71 +104,16 @@ def _at(case: Case, point: Point) -> tuple[Case, Axis]:
     return replace(case, quantities=quantities, axes=(), samples=None), axis
 
 
-def _problem(one: Case, names: tuple[str, ...], speeds: Array) -> tuple[Problem, list[str]]:
-    """The vehicle of a case as a problem that can be differentiated, and by what."""
-    if one.described == HALF:
-        own = [name for name in one.quantities if name not in ("contact_constant", "speed")]
-        wanted = [*dict.fromkeys((*own, "contact_stiffness"))]
-        return half_vehicle_problem(one.vehicle, speeds, one.spectrum, one.band, names), wanted
-    described, values = one.described, one.values()
-    outputs = tuple(output for output in described.readings.outputs if output.name in names)
-    wanted = list(described.system.parameters)
-    reduction = reduce(described.system, outputs, lengths_free(values, wanted))
-    return Problem(reduction, {name: values[name] for name in wanted}, speeds, one.spectrum, one.band), wanted
-
-
-def _parameters(one: Case) -> list[str]:
-    """Names of what the case gives and the vehicle hangs on, in the order of the case; the speed last."""
-    if one.is_half_vehicle:
-        return [name for name in PARAMETERS if name in one.quantities]
-    own = {*one.described.system.parameters}
-    own |= {name for needs in followers(one.described.derived).values() for name in needs}
-    return [name for name in one.quantities if name in own or name == SPEED]
-
-
 Elasticity = tuple[Array, Array]
 """Values and errors, [labels, speeds] each."""
 
 
-def _elasticities(gradient: RmsGradient, values: Values, speed: Array) -> dict[str, Elasticity]:
-    """By every parameter that was differentiated by; 0 by a rigid joint."""
-    result = {}
-    for name, slope in gradient.slopes.items():
-        value = speed if name == SPEED else np.asarray(values[name])
-        scale = np.where(np.isinf(value), 0.0, value) / gradient.rms
-        result[name] = (slope.value * scale, slope.error * np.abs(scale))
-    return result
-
-
-def _of_case(elastic: Mapping[str, Elasticity], case: Case, name: str) -> Elasticity:
-    """By a parameter of the case, which may change the contact stiffness too: K_H = 1.5 P0^(1/3)/G (eq. 1)."""
-    if not case.is_half_vehicle:
-        return _of_free_case(elastic, case, name)
-    contact, contact_error = elastic["contact_stiffness"]
-    if name == "contact_constant":
-        return -contact, contact_error
-    value, error = elastic[name]
-    if name in LOADS and "contact_constant" in case.quantities:
-        loads = {mass: factor * case.quantities[mass].value for mass, factor in LOADS.items()}
-        share = loads[name] / sum(loads.values()) / 3
-        return value + share * contact, error + share * contact_error
-    return value, error
-
-
-def _of_free_case(elastic: Mapping[str, Elasticity], case: Case, name: str) -> Elasticity:
-    """By a parameter of a free vehicle, and by what follows from it: masses of modes, shapes at a place, contacts."""
-    if name == SPEED:
-        return elastic[SPEED]
-    described = case.described
-    values = {key: quantity.value for key, quantity in case.quantities.items() if key != SPEED}
-    whole = described.values(values)
-    nothing = np.zeros_like(next(iter(elastic.values()))[0])
-    value, error = elastic.get(name, (nothing, nothing))
-    for target, slope in slopes(described.derived, values, name).items():
-        share = slope * values[name] / float(whole[target]) if whole[target] else 0.0
-        if target in elastic:
-            value, error = value + share * elastic[target][0], error + abs(share) * elastic[target][1]
-    return value, error
+def _elasticity(gradient: RmsGradient, one: Case, values: Values, name: str, speed: Array) -> Elasticity:
+    """d ln RMS/d ln parameter; 0 by a rigid joint."""
+    value = speed if name == SPEED else np.asarray(one.quantities[name].value)
+    slope, error = slope_of_case(gradient, one, values, name)
+    scale = np.where(np.isinf(value), 0.0, value) / gradient.rms
+    return slope * scale, error * np.abs(scale)
 
 
 def _placed(values: NDArray, place: bool) -> NDArray:

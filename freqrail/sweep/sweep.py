@@ -39,6 +39,7 @@ def sweep(
     jobs: int | None = None,
     progress: Progress = lambda points: None,
     samples: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    gradients: str | Sequence[str] = (),
 ) -> xr.Dataset:
     """Response RMS values over the grid of a case, as a labelled dataset.
 
@@ -49,12 +50,13 @@ def sweep(
     result. progress: called with the number of grid points just done. samples: parameters that vary together, along a
     dimension `sample`: the path of a CSV file, or a mapping such as {"bogie_mass [kg]": [600, 650]} or {"bogie_mass":
     ["600 kg", "0.65 t"]}; they replace the case's, and
-    its axes of the same names.
+    its axes of the same names. gradients: parameters by which slopes are stored, names or "all".
 
     Returns a dataset with `<response>_rms` [m/s^2, rad/s^2 or m] over (swept parameters..., position),
     `<response>_rms_relative_error`, `status` and `method` per grid point, the same of each variant with its
     prefix (`traditional_`) and without the axes that it fixes (the joints'), and with `psd` `<response>_psd`
-    [unit^2/Hz].
+    [unit^2/Hz], with `gradients` `<response>_rms_gradient` and `<response>_rms_gradient_error` over `parameter`
+    [the response's unit over the parameter's SI unit].
     A value that could not be computed to 1e-6 is NaN, and the status of its point is not 0.
 
     Raises InputError for a bad case, axis, setting or response name. The RMS is the root of the integral
@@ -66,7 +68,7 @@ def sweep(
         case = load_case(case, settings, over, samples=samples)
     elif over or settings or samples is not None:
         raise InputError("over, settings and samples go with the path or name of a case: a Case is checked already")
-    wanted = planned_layout(case, responses, psd)
+    wanted = planned_layout(case, responses, psd, gradients)
     check_memory(wanted)
     plan = Plan.for_layout(wanted)
     warned = plausibility.stored(plausibility.warn(case), case)
@@ -165,6 +167,7 @@ def _identity(plan: Plan, everything: Sequence[Part]) -> str:
         plan.layout.case.effective,
         variants.stored_all(plan.layout.case.variants),
         plan.layout.names,
+        plan.layout.gradients,
         plan.layout.frequency.si.tolist() if plan.layout.frequency is not None else None,
         [block.key for block in everything],
         [__version__, np.__version__],
