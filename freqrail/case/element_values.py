@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from freqrail.case.kinds import KINDS, Read, check, read_list
-from freqrail.case.law_text import Letter, Tree, letters
+from freqrail.case.law_text import Letter, Tree, law_of, letters
 from freqrail.case.leaves import Leaves, Path, leaf_name
 from freqrail.case.parameters import SMALLEST_JOINT_STIFFNESS
 from freqrail.case.quantities import Quantity, split_number
@@ -18,8 +18,6 @@ from freqrail.model.elements import (
     Fractional,
     Inerter,
     Law,
-    Parallel,
-    Series,
     Spring,
     Tabulated,
 )
@@ -42,31 +40,22 @@ Written = Mapping[str, tuple[Any, Path]]
 
 def read_law(leaves: Leaves, path: Path, tree: Tree, written: Written, pitch: bool, words: str) -> Law | None:
     """A law with the values of its letters; None, and a note, if one is missing or wrong. path: of the law's table."""
-    found: dict[str, Law | None] = {}
+    found: dict[str, Law] = {}
     for letter in letters(tree):
         if letter not in written:
             leaves.fault((*path, letter), f'missing; the law names it: write it as in {letter} = "1.2 MN/m"')
-            found[letter] = None
-        else:
-            value, at = written[letter]
-            found[letter] = _element(leaves, at, value, pitch, f"{letter} of {words}")
-    law = _built(tree, found)
-    if law is not None:
-        _check_series(leaves, path, tree, found, False)
-    return law
-
-
-def _built(tree: Tree, found: Mapping[str, Law | None]) -> Law | None:
-    if isinstance(tree, Letter):
-        return found[tree.name]
-    parts = [_built(part, found) for part in tree.parts]
-    whole = tuple(part for part in parts if part is not None)
-    if len(whole) < len(parts):
+            continue
+        value, at = written[letter]
+        element = _element(leaves, at, value, pitch, f"{letter} of {words}")
+        if element is not None:
+            found[letter] = element
+    if len(found) < len(letters(tree)):
         return None
-    return Parallel(whole) if tree.sign == "|" else Series(whole)
+    _check_series(leaves, path, tree, found, False)
+    return law_of(tree, found)
 
 
-def _check_series(leaves: Leaves, path: Path, tree: Tree, found: Mapping[str, Law | None], inside: bool) -> None:
+def _check_series(leaves: Leaves, path: Path, tree: Tree, found: Mapping[str, Law], inside: bool) -> None:
     """Note springs in series that are softer than the smallest joint, of which one may be 0 and cut the leg."""
     if not isinstance(tree, Letter):
         for part in tree.parts:

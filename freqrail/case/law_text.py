@@ -7,8 +7,10 @@ first wherever both occur, for neither binds tighter. A letter is a key of the t
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from freqrail.model.elements import Law, Parallel, Series
 from freqrail.text import given
 
 LONGEST_LAW = 500
@@ -56,6 +58,14 @@ def parse_law(text: object) -> Tree:
         tokens.append((found[1] or found[2], found.end() - len(found[1] or found[2])))
         place = found.end()
     return _Parser(tokens, got).law()
+
+
+def law_of(tree: Tree, elements: Mapping[str, Law]) -> Law:
+    """The law of a tree. elements: by letter, all of them."""
+    if isinstance(tree, Letter):
+        return elements[tree.name]
+    parts = tuple(law_of(part, elements) for part in tree.parts)
+    return Parallel(parts) if tree.sign == "|" else Series(parts)
 
 
 def letters(tree: Tree) -> tuple[str, ...]:
