@@ -55,7 +55,8 @@ def variants_of(dataset: xr.Dataset) -> tuple[Variant, ...]:
         return DEFAULT
     try:
         found = tuple(_variant(record) for record in json.loads(str(text)))
-        if len({variant.name for variant in found}) < len(found):
+        strange = {name for variant in found for name in variant.values} - {*SWEEPABLE}
+        if len({variant.name for variant in found}) < len(found) or (strange and not is_free(dataset)):
             raise ValueError
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise InputError(f"its attribute {ATTRIBUTE} is no list of variants in JSON {given(text)}") from None
@@ -78,8 +79,12 @@ def _variant(record: dict) -> Variant:
 
 def models_of(dataset: xr.Dataset) -> tuple[Variant, ...]:
     """The vehicle itself and its variants, in the order of their variables."""
-    free = next(iter(ALWAYS)) in vocabulary_of(dataset).responses
-    return (ITSELF if free else BASE, *variants_of(dataset))
+    return (ITSELF if is_free(dataset) else BASE, *variants_of(dataset))
+
+
+def is_free(dataset: xr.Dataset) -> bool:
+    """Whether a result is of a vehicle of the free form."""
+    return next(iter(ALWAYS)) in vocabulary_of(dataset).responses
 
 
 def owner(variable: str, models: Sequence[Variant], responses: Collection[str] = tuple(RESPONSES)) -> Variant:

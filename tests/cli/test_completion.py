@@ -20,6 +20,7 @@ from freqrail.result.layout import response_names
 from freqrail.result.points import parse_point
 
 CASE = "yu-damper-joint"
+CASES = list(shipped_cases())
 
 
 def offered(words: list[str], cwd: Path) -> list[str]:
@@ -41,13 +42,13 @@ def offered(words: list[str], cwd: Path) -> list[str]:
     ("words", "expected"),
     [
         (["sweep", "yu"], [CASE]),
-        (["sweep", "m"], ["mine.toml"]),
+        (["sweep", "mi"], ["mine.toml"]),
         (["sweep", "deep/"], ["deep/er/", "deep/other.toml"]),
-        (["modes", ""], [CASE, "deep/", "mine.toml"]),
-        (["cases", ""], [CASE]),
+        (["modes", ""], [*CASES, "deep/", "mine.toml"]),
+        (["cases", ""], CASES),
         (["confirm", "r"], ["result.nc"]),
         (["plot", ""], ["deep/", "result.nc"]),
-        (["show", ""], [CASE, "deep/", "mine.toml", "result.nc"]),
+        (["show", ""], [*CASES, "deep/", "mine.toml", "result.nc"]),
         (["sweep", CASE, "--over", "s"], [f"{n}=" for n in SWEEPABLE if n.startswith("s")]),
         (["sweep", CASE, "--over", "fre"], ["frequency="]),
         (["sweep", CASE, "--set", "wa"], ["wavelength="]),

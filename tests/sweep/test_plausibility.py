@@ -25,7 +25,7 @@ from freqrail.model.vehicle import half_vehicle, static_wheel_load
 from freqrail.solver.contact_force import contact_force, contact_force_rms
 from freqrail.solver.modes import modes
 from freqrail.sweep import plausibility
-from freqrail.sweep.concern import some_corners
+from freqrail.sweep.concern import FORCES, some_corners
 from tests.fleet import FLEET, LENGTHS, PAPER, TYPICAL, UNITS, case_text, half
 from tests.helpers import INDEX, all_poles, density, lagged, lags, random_vehicles, reference_nodes
 
@@ -293,20 +293,20 @@ def test_a_grid_with_many_axes_is_judged_by_some_of_its_corners(monkeypatch):
     monkeypatch.setattr(plausibility, "contact_force_rms", lambda *arguments: computed.append(arguments) or np.ones(4))
     assert plausibility.concerns(case) == ()
     assert len({one for one, *_ in computed}) == len(computed)
-    assert 2 * plausibility.FORCES <= len(computed) <= 2 * (plausibility.FORCES + 1)
+    assert 2 * FORCES <= len(computed) <= 2 * (FORCES + 1)
     assert len(case.axes) == 11
     for name in over:  # the one whose joints are as given
-        ends = [getattr(one, name) for one, *_ in computed[: 2 * plausibility.FORCES : 2]]
+        ends = [getattr(one, name) for one, *_ in computed[: 2 * FORCES : 2]]
         low, high = sorted(set(ends))
         assert high / low == pytest.approx(1.01 / 0.99)
-        assert ends.count(low) == ends.count(high) == plausibility.FORCES / 2
+        assert ends.count(low) == ends.count(high) == FORCES / 2
 
 
 @pytest.mark.parametrize("axes", range(16))
 def test_some_corners_hold_both_ends_of_every_axis_and_all_pairs_of_ends_of_two(axes):
     shape = (1, *(2,) * axes, 1)
     chosen = np.array(some_corners(shape))
-    assert len(np.unique(chosen, axis=0)) == len(chosen) == min(2**axes, plausibility.FORCES)
+    assert len(np.unique(chosen, axis=0)) == len(chosen) == min(2**axes, FORCES)
     for one in range(1, axes + 1):
         assert set(chosen[:, one]) == {0, 1}
         for other in range(1, one):

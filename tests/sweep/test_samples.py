@@ -233,7 +233,7 @@ def test_of_many_samples_the_wheel_force_is_computed_at_few():
     assert few.samples.numbers.tolist() == [1, 200]
     shape = (7, 2, 2, 2, 2, 2)
     corners = concern.some_corners(shape)
-    assert len(corners) == plausibility.FORCES
+    assert len(corners) == concern.FORCES
     for axis, size in enumerate(shape):
         assert {corner[axis] for corner in corners} == {*range(size)}
 
