@@ -8,6 +8,7 @@ square the peak holds.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -49,7 +50,8 @@ def rounding_errors(
         poles = np.concatenate([near[index].poles for index in blocks])
         shift = np.concatenate([near[index].shift for index in blocks])
         peaks = np.concatenate([light[index].poles for index in blocks])
-        errors = _peak_errors(study, name, {index: light[index] for index in blocks})
+        some = {index: light[index] for index in blocks}
+        errors = _peak_errors(study, name, some, {index: near[index] for index in blocks})
         result[name] = rounding(poles, study.limits, shift) + beside_peaks(peaks, study.limits, errors) + phase
         if not all(found[index].known.all() for index in blocks):
             result[name] = np.full_like(result[name], np.inf)
@@ -61,8 +63,13 @@ def _gone_around(each: Resonances, around: tuple[Detour, ...]) -> NDArray[np.boo
     return functools.reduce(np.logical_or, [detour.holds(each.poles) for detour in around], nowhere)
 
 
-def _peak_errors(study: Problem, name: str, found: Mapping[int, Resonances]) -> Array:
-    """Relative errors by peaks in the mean square of an output, the largest of all labels, [n] or [n, speeds]."""
+def _peak_errors(
+    study: Problem, name: str, found: Mapping[int, Resonances], everything: Mapping[int, Resonances]
+) -> Array:
+    """Relative errors by peaks in the mean square of an output, the largest of all labels, [n] or [n, speeds].
+
+    everything: the peaks that hold the mean square, of which those `found` are the sharp ones.
+    """
     labels = study.reduction.sums[name]
     with np.errstate(all="ignore"):
         plain, small = [], True
@@ -76,49 +83,73 @@ def _peak_errors(study: Problem, name: str, found: Mapping[int, Resonances]) -> 
             small &= bool(np.all(plain[-1][inside] < SMALL))
         if small:
             return np.nan_to_num(np.concatenate(plain))
-        return functools.reduce(np.maximum, (_shares(study, terms, found) for terms in labels))
+        return functools.reduce(np.maximum, (_shares(study, terms, found, everything) for terms in labels))
 
 
-def _shares(study: Problem, terms: tuple[tuple[int, Array], ...], found: Mapping[int, Resonances]) -> Array:
+def _shares(
+    study: Problem,
+    terms: tuple[tuple[int, Array], ...],
+    found: Mapping[int, Resonances],
+    everything: Mapping[int, Resonances],
+) -> Array:
     """Errors in the mean square of a label by its peaks, relative to what the highest peak in the band holds.
 
     A peak of residue h, summed over the wheels with their lags, holds pi |h|^2 G/|Re p|. terms: of the label.
     [n, speeds].
     """
-    held, lost, whose = [], [], []
-    shape = study.vehicles
-    places = np.array(
-        [np.broadcast_to(evaluate(w.place, study.values), shape).ravel() for w in study.reduction.system.wheels]
-    )
+    highest = np.zeros((max(1, math.prod(study.vehicles)), study.speed.size))
+    for each in everything.values():
+        power = _powers(study, terms, each)[0] * np.square(_apart(each))[:, None]
+        np.maximum.at(highest, each.vehicle, np.nan_to_num(power))
+    lost = []
     for each in found.values():
-        p = each.poles
-        frequency = np.abs(p.imag)[:, None]
-        own = {
-            name: np.broadcast_to(v, shape).ravel()[each.vehicle] if np.ndim(v) else v
-            for name, v in study.values.items()
-        }
-        h, wrong = np.zeros((2, p.size, study.speed.size), complex)
-        for k, weights in terms:
-            if k not in each.residues:
-                continue
-            scalar = study.reduction.scalars[k]
-            factor = multiplier(scalar, study.reduction.blocks[scalar.block], own, p)
-            for weight, place in zip(weights, places[:, each.vehicle], strict=True):
-                if weight:
-                    wave = np.exp(1j * frequency * (place[:, None] / study.speed))
-                    h += (weight * factor * each.residues[k])[:, None] * wave
-            wrong += (np.sum(np.abs(weights)) * np.abs(factor) * each.errors[k])[:, None]
-        scale = angular_psd(study.spectrum, frequency, study.speed) / np.abs(p.real)[:, None]
-        inside = (frequency > study.limits[0]) & (frequency < study.limits[1])
-        scale = np.where(inside & (frequency > 0), scale, 0.0)
-        held.append(np.square(np.abs(h)) * scale)
-        lost.append((2 * np.abs(h) + np.abs(wrong)) * np.abs(wrong) * scale)
-        whose.append(each.vehicle)
-    vehicle = np.concatenate(whose)
-    power = np.concatenate(held)
-    highest = np.zeros((int(np.max(vehicle, initial=0)) + 1, study.speed.size))
-    np.maximum.at(highest, vehicle, np.nan_to_num(power))
-    return np.nan_to_num(np.concatenate(lost) / highest[vehicle])
+        lost.append(_powers(study, terms, each)[1] / highest[each.vehicle])
+    return np.nan_to_num(np.concatenate(lost))
+
+
+def _powers(study: Problem, terms: tuple[tuple[int, Array], ...], each: Resonances) -> tuple[Array, Array]:
+    """What the peaks of a block hold of a label's mean square, and what rounding may take of it, [n, speeds]."""
+    shape, p = study.vehicles, each.poles
+    wheels = study.reduction.system.wheels
+    places = np.array([np.broadcast_to(evaluate(w.place, study.values), shape).ravel() for w in wheels])
+    frequency = np.abs(p.imag)[:, None]
+    own = {
+        name: np.broadcast_to(v, shape).ravel()[each.vehicle] if np.ndim(v) else v for name, v in study.values.items()
+    }
+    h, wrong = np.zeros((2, p.size, study.speed.size), complex)
+    for k, weights in terms:
+        if k not in each.residues:
+            continue
+        scalar = study.reduction.scalars[k]
+        factor = multiplier(scalar, study.reduction.blocks[scalar.block], own, p)
+        for weight, place in zip(weights, places[:, each.vehicle], strict=True):
+            if weight:
+                wave = np.exp(1j * frequency * (place[:, None] / study.speed))
+                h += (weight * factor * each.residues[k])[:, None] * wave
+        wrong += (np.sum(np.abs(weights)) * np.abs(factor) * each.errors[k])[:, None]
+    scale = angular_psd(study.spectrum, frequency, study.speed) / np.abs(p.real)[:, None]
+    inside = (frequency > study.limits[0]) & (frequency < study.limits[1])
+    scale = np.where(inside & (frequency > 0), scale, 0.0)
+    return np.square(np.abs(h)) * scale, (2 * np.abs(h) + np.abs(wrong)) * np.abs(wrong) * scale
+
+
+def _apart(each: Resonances) -> Array:
+    """How much of its height a peak holds beside the next one, [n]: 1 of one that is sharp or stands by itself.
+
+    Residues of damped poles that are nearly one are large and cancel, the more the nearer they are.
+    """
+    order = np.argsort(each.vehicle, kind="stable")
+    counts = np.bincount(each.vehicle, minlength=1)
+    rank = np.arange(order.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    table = np.full((counts.size, max(1, int(np.max(counts)))), np.nan + 0j)  # one line a vehicle
+    table[each.vehicle[order], rank] = each.poles[order]
+    distances = np.abs(table[:, :, None] - table[:, None, :])
+    distances[:, range(table.shape[1]), range(table.shape[1])] = np.inf
+    nearest = np.empty(order.size)
+    nearest[order] = np.nanmin(distances, axis=-1, initial=np.inf)[each.vehicle[order], rank]
+    damped = np.abs(each.poles.real) >= LIGHT * np.abs(each.poles)
+    share = np.where(each.poles.imag > 0, np.minimum(1.0, nearest / np.abs(each.poles.real)), 0.0)
+    return np.where(damped, share, 1.0)
 
 
 def longest_lags(study: Problem) -> Array:
