@@ -1,0 +1,69 @@
+"""Mean squares of plain vehicles over a band: Gauss-Legendre panels that close in on a dense solution's peaks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freqrail.model.assembled import state_space
+from tests.independent import density, reference_nodes
+from tests.plain_vehicles import TRACK, Plain, as_system, dense_outputs, lagged, places
+
+
+def peaks(plain: Plain, low: float, high: float) -> np.ndarray:
+    """Resonances between two frequencies, as poles: where 1/|q| has minima on a fine grid, and their widths.
+
+    From the dense response itself, refined around every minimum.
+    """
+    omega = np.geomspace(low, high, 4000)
+    found = []
+
+    def size(at: np.ndarray) -> np.ndarray:
+        return np.max(np.abs(dense_outputs(plain, at)["force"]), axis=(0, 2))
+
+    level = size(omega)
+    for k in np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1:
+        a, b = omega[k - 1], omega[k + 1]
+        for _ in range(12):  # by thirds of a finer and finer grid
+            fine = np.linspace(a, b, 21)
+            top = int(np.argmax(size(fine)))
+            a, b = fine[max(top - 2, 0)], fine[min(top + 2, 20)]
+        centre = (a + b) / 2
+        peak = size(np.array([centre]))[0]
+        width = centre
+        while width > 1e-12 * centre and size(np.array([centre + width]))[0] < peak / 2:
+            width /= 1.5
+        found.append(-width + 1j * centre)
+    return np.array(found)
+
+
+def _eigenvalues(plain: Plain) -> np.ndarray:
+    """Poles of the assembled equations, which only say where to look closely; none where a law is irrational.
+
+    What is integrated is the dense solution. A peak of a damping ratio of a millionth is narrower than any grid.
+    """
+    system = as_system(plain)
+    if not system.rational:
+        return np.zeros(0, complex)
+    found = np.linalg.eigvals(state_space(system, plain.values).a)
+    return found[found.imag > 0]
+
+
+def band_rms(plain: Plain, speed: float, low: float, high: float) -> dict[str, np.ndarray]:
+    """RMS of `outputs_of`, {name: [labels]}, by Gauss-Legendre panels that close in on the dense response's peaks."""
+    x = places(plain)
+    blunt = np.geomspace(low, high, 40) * (-0.1 + 1j)  # what is not sharp calls for panels of a tenth of a frequency
+    sharp = np.concatenate([peaks(plain, low, high), blunt, _eigenvalues(plain)])
+    omega, weights = reference_nodes(low, high, sharp, float(np.ptp(x)) / speed)
+    result = {}
+    power = 0.0
+    for part in np.array_split(np.arange(omega.size), max(1, omega.size // 3000)):
+        found = dense_outputs(plain, omega[part])
+        g = density(TRACK, omega[part], speed) * weights[part]
+        power = {
+            name: (0.0 if isinstance(power, float) else power[name])
+            + np.array([np.abs(lagged(row, plain, omega[part], speed)) ** 2 @ g for row in each])
+            for name, each in found.items()
+        }
+    for name, each in power.items():
+        result[name] = np.sqrt(each)
+    return result
