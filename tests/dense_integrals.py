@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from freqrail.model.assembled import state_space
 from tests.independent import density, reference_nodes
-from tests.plain_vehicles import TRACK, Plain, as_system, dense_outputs, lagged, places
+from tests.plain_vehicles import TRACK, Plain, dense_matrices, dense_outputs, lagged, places
 
 
 def peaks(plain: Plain, low: float, high: float) -> np.ndarray:
@@ -37,15 +36,27 @@ def peaks(plain: Plain, low: float, high: float) -> np.ndarray:
 
 
 def _eigenvalues(plain: Plain) -> np.ndarray:
-    """Poles of the assembled equations, which only say where to look closely; none where a law is irrational.
+    """Where peaks are and how wide, as poles: modes of the dense equations, the stiffness frozen at their frequency.
 
-    What is integrated is the dense solution. A peak of a damping ratio of a millionth is narrower than any grid.
+    They only say where to look closely; what is integrated is the dense solution. A peak of a damping ratio of a
+    millionth is narrower than any grid that looks for it.
     """
-    system = as_system(plain)
-    if not system.rational:
-        return np.zeros(0, complex)
-    found = np.linalg.eigvals(state_space(system, plain.values).a)
-    return found[found.imag > 0]
+    masses = np.array([plain.values[inertia] for inertia in plain.freedoms.values()])
+    scale = 1 / np.sqrt(np.outer(masses, masses))
+
+    def modes(omega: float) -> np.ndarray:
+        z = dense_matrices(plain, np.array([1j * omega]))[0][0]
+        found = 1j * np.sqrt(np.linalg.eigvals((z + omega**2 * np.diag(masses)) * scale))
+        return np.where(found.imag < 0, -found, found)
+
+    result = []
+    for start in modes(50.0):
+        p = start
+        for _ in range(60):
+            near = modes(abs(p.imag))
+            p = near[np.argmin(np.abs(near.imag - p.imag))]
+        result.append(-abs(p.real) + 1j * p.imag)
+    return np.array(result)
 
 
 def band_rms(plain: Plain, speed: float, low: float, high: float) -> dict[str, np.ndarray]:
