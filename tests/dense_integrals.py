@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from freqrail.model.assembled import state_space
 from tests.independent import density, reference_nodes
-from tests.plain_vehicles import TRACK, Plain, dense_matrices, dense_outputs, lagged, places
+from tests.plain_vehicles import TRACK, Plain, as_system, dense_matrices, dense_outputs, lagged, places
 
 
 def peaks(plain: Plain, low: float, high: float) -> np.ndarray:
@@ -56,6 +57,10 @@ def _eigenvalues(plain: Plain) -> np.ndarray:
             near = modes(abs(p.imag))
             p = near[np.argmin(np.abs(near.imag - p.imag))]
         result.append(-abs(p.real) + 1j * p.imag)
+    system = as_system(plain)
+    if system.rational:  # what moves inside a law, as the rail under a wheel, is no freedom of the dense equations
+        inner = np.linalg.eigvals(state_space(system, plain.values).a)
+        result.extend(inner[inner.imag > 0])
     return np.array(result)
 
 
