@@ -13,7 +13,10 @@ import numpy as np
 
 from freqrail.model.elements import Bending, ComplexSpring, Dashpot, Fractional, Inerter, Parallel, Series, Spring
 from freqrail.model.outputs import Displacement, Elongation, Force, Output
+from freqrail.model.spectrum import RationalSpectrum
 from freqrail.model.system import Freedom, Leg, System, Wheel
+
+TRACK = RationalSpectrum("german-low", 4.032e-7, (0.0206, 0.8246))
 
 Arms = dict[str, dict[str, float]]  # freedom -> {length: factor}, "" for 1
 

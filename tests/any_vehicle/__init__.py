@@ -1,0 +1,1 @@
+"""Random vehicles of every kind against dense solutions: `python -m tests.any_vehicle --count 300`."""
