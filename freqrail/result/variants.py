@@ -13,6 +13,7 @@ from collections.abc import Collection, Sequence
 
 import xarray as xr
 
+from freqrail.case.parameters import SWEEPABLE
 from freqrail.errors import InputError
 from freqrail.model.readings import ALWAYS
 from freqrail.model.responses import RESPONSES
