@@ -58,7 +58,7 @@ def outcome(plan: Plan, done: Outcome, seconds: float, resumed: bool) -> Report:
     next_step = "show" if plan.points == 1 or math.isnan(error) else "plot"
     lines = [
         f"{counted(plan.points, 'grid point')} ({grid_text(plan)}), {counted(len(plan.layout.names), 'response')}, "
-        _models(plan.layout.case),
+        f"{_models(plan.layout.case)}",
         plausibility.vitals_text(plan.layout.case),
         *filter(None, [plausibility.accepted_text(warned)]),
         f"band {band_text(plan.layout.case.band)}; {accuracy}",
