@@ -480,10 +480,8 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     anew = [str(dataset["place"].values[i]) for i in chosen if confirmation.is_anew(dataset, i)]
     for where, numbers in tables.items():
         columns = [column for column in confirmation.TABLE if column in numbers[0]]
-        shown = [
-            {k: None if v != v else v for k, v in row.items()}
-            for row in in_shown_units(numbers, (), vocabulary_of(dataset))
-        ]  # nan: blank
+        in_units = in_shown_units(numbers, (), vocabulary_of(dataset))
+        shown = [{k: None if v != v else v for k, v in row.items()} for row in in_units]  # nan: blank
         note = "computed anew: not on the result's grid, which has no number to compare"
         lines += [
             "",

@@ -187,10 +187,7 @@ def _by_point(run: Run, simulations: Sequence[Simulation], found: Sequence[Refer
         "static_wheel_load": (
             each,
             loads,
-            {
-                "units": "N",
-                "long_name": "static load of a wheel P0 (below eq. 1)" if half else "static load of a wheel",
-            },
+            {"units": "N", "long_name": "static load of a wheel" + (" P0 (below eq. 1)" if half else "")},
         ),
         "contact_stiffness_used": (
             each,
