@@ -163,7 +163,7 @@ def prepare_run(
         try:
             confirm_setup.check_setup(point, setup)
         except InputError as fault:
-            raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
+            raise InputError(*(f"confirm: {_prefix(label)}{line}" for line in fault.problems)) from None
         setups.append(setup)
     return Run(case, dataset, names, models, chosen, tuple(places), labels, points, tuple(setups))
 
@@ -386,7 +386,7 @@ def _refusals(case: Case, labels: Sequence[str], points: Sequence[time_side.Oper
             if isinstance(vehicle, AnyVehicle):
                 for name, why in obstacles(vehicle.system, vehicle.values).items():
                     # a law is what it is everywhere, a number may be that of one point and model
-                    where = "" if why == IRRATIONAL else f"{label}, {model}: "
+                    where = "" if why == IRRATIONAL else _prefix(label, model)
                     names = found.setdefault((where, why), [])
                     names += [] if name in names else [name]
     lines = []
@@ -418,6 +418,12 @@ def _axis_of(dataset: xr.Dataset, axis: Axis) -> Axis:
     """A case's axis, or what a part of its result, or several put together, have of it."""
     own = grid_axis(dataset, axis.name)
     return axis if own.si.size == axis.si.size and np.allclose(own.si, axis.si, rtol=SAME, atol=0.0) else own
+
+
+def _prefix(*where: str) -> str:
+    """Where a fault is, before its words; the one point of a case without axes has no label."""
+    known = ", ".join(filter(None, where))
+    return f"{known}: " if known else ""
 
 
 def _label_of(place: Place) -> str:

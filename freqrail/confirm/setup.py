@@ -237,7 +237,7 @@ BATCH = 16  # records that are columns of one state
 
 
 def groups(setup: Setup) -> list[tuple[str, tuple[str, ...]]]:
-    """(integrator, models that it runs together): newmark is for models without inner states, as the traditional one."""
+    """(integrator, models that it runs together): newmark is for models without inner states, as traditional."""
     if setup.integrator == "newmark":
         jointed = tuple(model for model in setup.models if model not in setup.rigid)
         rigid = tuple(model for model in setup.models if model in setup.rigid)

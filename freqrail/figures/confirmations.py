@@ -299,5 +299,5 @@ def _place(dataset: xr.Dataset, point: int) -> str:
 
 
 def _figure(height: float, dataset: xr.Dataset, point: int | None, what: str) -> Figure:
-    where = [] if point is None else [_place(dataset, point).replace(", (", " (")]
-    return new_figure(height, (0.04, 0.04), [what, *where, band_note(dataset)])
+    where = "" if point is None else _place(dataset, point).replace(", (", " (")
+    return new_figure(height, (0.04, 0.04), [*filter(None, [what, where]), band_note(dataset)])

@@ -57,7 +57,7 @@ def problems(dataset: xr.Dataset) -> list[str]:
             labels = [str(dataset[dataset[f"verdict_{check}"].dims[-1]].values[i]) for i in at]
             shown = ", ".join(labels[:3]) + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
             model = [f"{dataset['model'].values[m]} model" for m in index[1:]]
-            where = ", ".join([str(dataset["place"].values[index[0]]), *model])
+            where = ", ".join(filter(None, [str(dataset["place"].values[index[0]]), *model]))
             lines.append(f"{where}: {check.replace('_', ' ')} check {how}: {shown}{_remark(dataset, check, index)}")
     if (dataset["verdict_result"].values == verdicts.NOT_CHECKED).all():
         lines.append(_nothing_compared(dataset))
