@@ -16,6 +16,7 @@ from freqrail.case.axis import SAME, Axis
 from freqrail.case.case import Case
 from freqrail.case.described import HALF
 from freqrail.case.file import parse_toml
+from freqrail.case.free_tables import liked
 from freqrail.case.parameters import PARAMETERS, Parameter, suggestion
 from freqrail.case.quantities import parse_pair, parse_quantity
 from freqrail.case.samples import SAMPLE
@@ -405,11 +406,7 @@ def _law_words(case: Case, name: str, why: str) -> str:
     if why != IRRATIONAL:
         return words
     tables = parse_toml(case.effective, "the result's case")["wheels" if wheel else "suspensions"]
-    table: dict[str, object] = {}
-    at = name
-    while at:  # the keys of those that it is like, its own first
-        table = tables[at] | table
-        at = tables[at].get("like", "")
+    table = liked(tables, tables[name])
     letters = ", ".join(key for key, value in table.items() if isinstance(value, dict))
     return f"{words}, {letters}"
 
