@@ -191,9 +191,9 @@ def sampling_rate(point: OperatingPoint, setup: Setup, side: TimeSide) -> float:
     """
     highest = setup.limits[1] + 0.5 / setup.period
     modes = max(float(np.abs(np.linalg.eigvals(model.a).imag).max()) / (2 * np.pi) for model in side.models.values())
+    rates = dict.fromkeys(max(samples * highest, highest + 2 * modes) for samples in SAMPLES_A_PERIOD)
     rate = math.inf
-    for samples in SAMPLES_A_PERIOD:
-        rate = max(samples * highest, highest + 2 * modes)
+    for rate in rates:  # each once: the modes may ask for more than the first ones give
         if setup.interpolation != "cubic" or image_bound(point, setup, side, rate) <= IMAGES:
             break
     return rate * setup.finer

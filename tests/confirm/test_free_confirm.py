@@ -143,7 +143,7 @@ spectrum = "german-low"
 [operation]
 speed = "200 km/h"
 [band]
-frequency = "0.5:20 Hz"
+frequency = "0.5:10 Hz"
 """
 
 QUICK = {"integrator": "exponential", "start": "steady", "duration": "16 s", "realisations": 2}
@@ -186,7 +186,7 @@ def test_all_stands_of_a_vehicle_with_every_kind_of_rational_law(found):
 def test_the_half_vehicle_written_out_stands_too_with_the_same_numbers():
     """The records of fixed amplitudes have the same moduli: so have the responses' line spectra."""
     over = {"primary_joint_stiffness": "5 MN/m", "secondary_joint_stiffness": "5 MN/m", "speed": "200 km/h"}
-    case = freqrail.load_case("yu-damper-joint", {"frequency": "0.5:20 Hz"}, over)
+    case = freqrail.load_case("yu-damper-joint", {"frequency": "0.5:5 Hz"}, over)
     template, free = freqrail.sweep(case), freqrail.sweep(case_of(expanded(case)))
     known, own = (
         carry_out(prepare_run(each, at="speed=200 km/h", **QUICK | {"duration": "18 s"})) for each in (template, free)
@@ -280,7 +280,7 @@ def test_without_a_fault_none_is_seen(short):
         "suspensions_secondary_front_k1",
         "suspensions_secondary_rear_b",
         "suspensions_pitch_front_c",
-        "wheels_axle_4_m",
+        "wheels_axle_4_k",
         "wheels_axle_2_k",
         "bodies_car_bending_1_frequency",
     ],
