@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 
 from freqrail.case.case import Case
-from freqrail.case.parameters import SWEEPABLE
 from freqrail.case.quantities import shown_value
 from freqrail.case.samples import SAMPLE
 from freqrail.model.band import band_limits, band_text
@@ -26,7 +25,7 @@ from freqrail.model.variants import BASE, TRADITIONAL, Variant
 from freqrail.model.vehicle import static_wheel_load
 from freqrail.result import confirmation
 from freqrail.result.axes import axis_label, axis_unit, first_failures, point_speed, sampled, swept
-from freqrail.result.points import Point, confirmed_point
+from freqrail.result.points import Point, confirmed_point, result_case
 from freqrail.result.variants import models_of
 from freqrail.result.vocabulary import vocabulary_of
 from freqrail.solver.modes import Mode, modes
@@ -481,7 +480,8 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     anew = [str(dataset["place"].values[i]) for i in chosen if confirmation.is_anew(dataset, i)]
     for where, numbers in tables.items():
         columns = [column for column in confirmation.TABLE if column in numbers[0]]
-        shown = [{k: None if v != v else v for k, v in row.items()} for row in in_shown_units(numbers)]  # nan: blank
+        in_units = in_shown_units(numbers, (), vocabulary_of(dataset))
+        shown = [{k: None if v != v else v for k, v in row.items()} for row in in_units]  # nan: blank
         note = "computed anew: not on the result's grid, which has no number to compare"
         lines += [
             "",
@@ -510,7 +510,7 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     else:
         words = f"{count}: all stand"
     lines += [words, *(f"  {line}" for line in missing)]
-    known = (*SWEEPABLE, SAMPLE)
+    known = (*result_case(dataset).variable, SAMPLE)
     axes = [str(name) for name in dataset.coords if name in known and dataset[name].dims == ("point",)]
     facts = {
         "title": head[0],
@@ -529,6 +529,13 @@ def confirmation_text(dataset: xr.Dataset, point: Point | None = None) -> tuple[
     return facts, lines
 
 
+def _of_wheels(numbers: float | list[float | None], digits: int = 4) -> str:
+    """A number, or one a wheel, "-" for none; one that all wheels share is told once."""
+    each = numbers if isinstance(numbers, list) else [numbers]
+    words = ["-" if one is None else number(one, digits) for one in each]
+    return words[0] if len({*words}) == 1 else ", ".join(words)
+
+
 def _shared_text(shared: Record) -> str:
     """What both sides of a confirmation share at a point, as a line of text."""
     # to a picosecond: what lies below is rounding
@@ -539,7 +546,8 @@ def _shared_text(shared: Record) -> str:
         f"{row['range']} {number(row['simulated_mm'], 5)} mm simulated, {number(row['mm'], 5)} mm by the spectrum"
         for row in shared["track"]
     )
-    load, stiffness = number(shared["static_wheel_load_N"]), number(shared["contact_stiffness_N_per_m"], 5)
+    load = _of_wheels(shared["static_wheel_load_N"])
+    stiffness = _of_wheels(shared["contact_stiffness_N_per_m"], 5)
     return (
         f"shared by both sides: P0 {load} N, K_H {stiffness} N/m, lags {lags} ms (on the track simulated {simulated})\n"
         f"track, standard deviation: {track}"

@@ -15,23 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance, solve_sylvester
 
+from freqrail.confirm.simulated import Simulated
 from freqrail.confirm.track_record import Lines, spectral_lines
 from freqrail.model.equations import StateSpace
 from freqrail.model.spectrum import RationalSpectrum, Spectrum
 from freqrail.model.vehicle import Vehicle
-from freqrail.solver.transfer import half_vehicle_transfer
+from freqrail.solver.transfer import half_vehicle_transfer, transfer
 
 
 def transfer_power(
-    vehicle: Vehicle, names: tuple[str, ...], speed: float, frequency: NDArray[np.float64]
+    vehicle: Simulated, names: tuple[str, ...], speed: float, frequency: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """|T|^2 of the named responses at `frequency` [K] in Hz: [series, K], SI units squared per m^2; speed in m/s."""
-    rows = half_vehicle_transfer(vehicle, names, 2 * np.pi * frequency, speed)
-    return np.square(np.abs(np.concatenate(list(rows.values()))))
+    omega = 2 * np.pi * frequency
+    if isinstance(vehicle, Vehicle):
+        rows = half_vehicle_transfer(vehicle, names, omega, speed)
+    else:
+        rows = transfer(vehicle.reduction.only(names), vehicle.values, omega, speed)
+    return np.square(np.abs(np.concatenate([rows[name] for name in names])))
 
 
 def line_rms(
-    vehicle: Vehicle,
+    vehicle: Simulated,
     names: tuple[str, ...],
     spectrum: Spectrum,
     speed: float,
@@ -49,16 +54,21 @@ def state_response(
     feedthrough: NDArray[np.float64],
     lags: NDArray[np.float64],
     frequency: NDArray[np.float64],
+    rates: NDArray[np.float64] | None = None,
 ) -> NDArray[np.complex128]:
     """T = C (i omega - A)^-1 B e + D e, e = exp(-i omega tau), per metre of track under the first wheel: [series, K].
 
-    readout: C [series, states]. feedthrough: D [series, wheels]. lags: tau [wheels], s. frequency: [K], Hz.
+    readout: C [series, states]. feedthrough: D [series, wheels]. lags: tau [wheels], s. frequency: [K], Hz. rates: D'
+    [series, wheels], of the heights' rates, which adds i omega D' e.
     """
     omega = 2 * np.pi * np.asarray(frequency)
     delays = np.exp(-1j * np.multiply.outer(omega, lags))
     matrices = 1j * omega[:, None, None] * np.eye(len(model.a)) - model.a
     states = np.linalg.solve(matrices, (delays @ model.b.T)[..., None])[..., 0]
-    return np.asarray((states @ readout.T + delays @ feedthrough.T).T, dtype=np.complex128)
+    found = states @ readout.T + delays @ feedthrough.T
+    if rates is not None:
+        found = found + 1j * omega[:, None] * (delays @ rates.T)
+    return np.asarray(found.T, dtype=np.complex128)
 
 
 def covariance_rms(
@@ -68,6 +78,7 @@ def covariance_rms(
     lags: NDArray[np.float64],
     spectrum: RationalSpectrum,
     speed: float,
+    rates: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """RMS over the whole axis and the relative rounding in it, [series] each; NaN for an unstable model.
 
@@ -89,7 +100,11 @@ def covariance_rms(
         a[states, states:] = -low, 1.0
         a[-1, -1] = -high
         systems.append(a)
-        outputs.append(np.hstack([readout, feedthrough[:, [wheel]], np.zeros((len(readout), 1))]))
+        height, rate = feedthrough[:, [wheel]], np.zeros((len(readout), 1))
+        if rates is not None:  # dv/dt = -low v + the other state of the filter
+            rate = rates[:, [wheel]]
+            height = height - low * rate
+        outputs.append(np.hstack([readout, height, rate]))
     if not np.linalg.eigvals(model.a).real.max() < 0:
         return np.full(len(readout), np.nan), np.full(len(readout), np.nan)
     # states of about one size, or the rounding is that of the largest; another choice of sizes rounds otherwise

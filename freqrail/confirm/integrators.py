@@ -198,11 +198,11 @@ def newmark_recurrence(model: StateSpace, track: Track, substeps: int = 1) -> Re
     """
     beta, gamma = 1 / 4, 1 / 2
     n = model.b.shape[0] // 2
-    if any(state.startswith("Delta_") for state in model.states):
-        raise ValueError("newmark: the dampers of this model have states of their own; it serves the traditional one")
-    h = track.step / substeps
     rates = np.array([state.endswith("/dt") for state in model.states])
     v, q = np.flatnonzero(rates), np.flatnonzero(~rates)
+    if v.size != q.size:
+        raise ValueError("newmark: the dampers of this model have states of their own; it serves the traditional one")
+    h = track.step / substeps
     damping, stiffness, coupling = -model.a[np.ix_(v, v)], -model.a[np.ix_(v, q)], model.b[v]
     one, none = np.eye(n), np.zeros((n, n))
     # q'' (new) = inverse [B v - C (q' + (1 - gamma) h q'') - K (q + h q' + (1/2 - beta) h^2 q'')]

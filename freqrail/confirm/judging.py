@@ -14,7 +14,7 @@ from freqrail.confirm import statistics
 from freqrail.confirm.references import References
 from freqrail.confirm.run import Run
 from freqrail.confirm.simulation import Simulation
-from freqrail.model.responses import RESPONSES, series_count
+from freqrail.model.responses import Response
 from freqrail.result import verdicts
 from freqrail.result.confirmation import series_of
 
@@ -108,21 +108,20 @@ def _spectral_differences(
 def _stored(run: Run, kind: str) -> NDArray[np.float64]:
     """The result's own numbers at the points, "rms" [point, model, series] or "psd" [..., frequency]; NaN for none."""
     last = run.frequency.shape if kind == "psd" else ()
-    rows = np.full((len(run.points), len(run.models), series_count(run.names), *last), np.nan)
-    for name, part in series_of(run.names).items():
+    rows = np.full((len(run.points), len(run.models), run.setups[0].series, *last), np.nan)
+    for name, part in series_of(run.names, run.vocabulary).items():
         for model, prefix in enumerate(each.prefix for each in run.models):
             if f"{prefix}{name}_{kind}" in run.dataset:
                 variable = run.dataset[f"{prefix}{name}_{kind}"]
                 for point, place in enumerate(run.places):
                     at = {dim: i for dim, i in place.index.items() if dim in variable.dims}
                     if not place.anew:
-                        rows[point, model, part] = _at_all_positions(variable.isel(at), name)
+                        rows[point, model, part] = _at_all_positions(variable.isel(at), run.vocabulary.responses[name])
     return rows
 
 
-def _at_all_positions(numbers: xr.DataArray, name: str) -> NDArray[np.float64]:
+def _at_all_positions(numbers: xr.DataArray, response: Response) -> NDArray[np.float64]:
     """A response of which a part of a result may hold some of the positions, NaN at the others."""
-    response = RESPONSES[name]
     if not response.dimension:
         return numbers.values
     held = numbers if response.dimension in numbers.dims else numbers.expand_dims(response.dimension)

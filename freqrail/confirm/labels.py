@@ -25,16 +25,15 @@ from freqrail.confirm import statistics
 from freqrail.confirm.judging import Judgement, by_model, judge
 from freqrail.confirm.references import References
 from freqrail.confirm.run import Run, told_of
+from freqrail.confirm.simulated import contact_stiffnesses, wheel_lags
 from freqrail.confirm.simulation import Simulation
 from freqrail.model.band import band_text
-from freqrail.model.inputs import wheel_lags
-from freqrail.model.responses import RESPONSES
 from freqrail.model.variants import DEFAULT
 from freqrail.result import verdicts
 from freqrail.result.axes import SAMPLE_NAME, grid_axis, sample_names, sampled, swept
 from freqrail.result.confirmation import CHECKS, series_labels, series_of
 from freqrail.result.content import content_digest, whole
-from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates
+from freqrail.result.labels import attributes, coordinate, position_coordinates, scalar_coordinates, vehicle_words
 from freqrail.result.layout import flags
 from freqrail.result.points import example_point
 
@@ -132,8 +131,8 @@ def _by_response(
             (),
         )
     variables: Variables = {}
-    for name, part in series_of(run.names).items():
-        response = RESPONSES[name]
+    for name, part in series_of(run.names, run.vocabulary).items():
+        response = run.vocabulary.responses[name]
         place = (response.dimension,) if response.dimension else ()
         for suffix, (values, what, last) in every.items():
             unit = response.psd_unit if suffix.startswith("psd") else response.unit
@@ -154,6 +153,10 @@ def _by_point(run: Run, simulations: Sequence[Simulation], found: Sequence[Refer
         [confirm_setup.track_ranges(point, setup) for point, setup in zip(run.points, run.setups, strict=True)]
     )
     speed = np.array([[[point.speed]] for point in run.points])
+    wheels, half = _wheels(run), run.case.is_half_vehicle
+    loads = np.array([f.wheel_load for f in found])
+    stiffnesses = np.array([contact_stiffnesses(point.vehicle) for point in run.points])
+    each = ("point", wheels) if loads.ndim > 1 else ("point",)
     judged = statistics.tolerance_verdicts(simulated / closed - 1, np.full(closed.shape, TRACK_TOLERANCE))
     return {
         "computed_anew": (
@@ -182,27 +185,30 @@ def _by_point(run: Run, simulations: Sequence[Simulation], found: Sequence[Refer
             metre | {"long_name": "shortest and longest wavelength of a range"},
         ),
         "static_wheel_load": (
-            "point",
-            np.array([f.wheel_load for f in found]),
-            {"units": "N", "long_name": "static load of a wheel P0 (below eq. 1)"},
+            each,
+            loads,
+            {"units": "N", "long_name": "static load of a wheel" + (" P0 (below eq. 1)" if half else "")},
         ),
         "contact_stiffness_used": (
-            "point",
-            np.array([point.vehicle.contact_stiffness for point in run.points]),
-            {"units": "N m-1", "long_name": "contact stiffness K_H (eq. 1)"},
+            each,
+            stiffnesses,
+            {
+                "units": "N m-1",
+                "long_name": "contact stiffness K_H (eq. 1)" if half else "stiffness of a contact that is a spring",
+            },
         ),
         "lag": (
-            ("point", "axle"),
+            ("point", wheels),
             np.array([wheel_lags(point.vehicle, point.speed) for point in run.points]),
             second | {"long_name": "lag of a wheel behind the first (eq. 2)"},
         ),
         "lag_simulated": (
-            ("point", "axle"),
+            ("point", wheels),
             np.array([e.lags for e in simulations]),
             second | {"long_name": "lag of a wheel behind the first, read off the track of record 0"},
         ),
         "track_height": (
-            ("point", "axle", "sample"),
+            ("point", wheels, "sample"),
             _padded([e.heights for e in simulations]).astype(np.float32),
             metre | {"long_name": "track height under the wheels, beginning of record 0"},
         ),
@@ -241,7 +247,11 @@ def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     coordinates: dict[str, Any] = {
         "point": ("point", np.arange(1, len(run.points) + 1, dtype=np.int32), {"long_name": "confirmed grid point"}),
         "model": ("model", np.array(run.labels_of_models), {"long_name": _models_text(run)}),
-        "series": ("series", np.array(series_labels(run.names)), {"long_name": "response and position"}),
+        "series": (
+            "series",
+            np.array(series_labels(run.names, run.vocabulary)),
+            {"long_name": "response and position"},
+        ),
         "wavelength_range": ("wavelength_range", np.array(RANGES), {"long_name": "range of wavelengths of the track"}),
         "record": (
             "record",
@@ -266,12 +276,17 @@ def _coordinates(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
         for key, (_, values, described) in coordinate(_axis_of_points(run, name), run.case).items():
             coordinates[key] = ("point", values, described)
     coordinates |= scalar_coordinates(run.case, run.band)
-    coordinates |= position_coordinates({RESPONSES[name].dimension for name in run.names} | {"axle"})
-    return coordinates
+    used = {run.vocabulary.responses[name].dimension for name in run.names} | {_wheels(run)}
+    return coordinates | position_coordinates(used, run.vocabulary)
+
+
+def _wheels(run: Run) -> str:
+    """The dimension of the wheels."""
+    return "axle" if run.case.is_half_vehicle else "wheel"
 
 
 def _models_text(run: Run) -> str:
-    if run.models[1:] == DEFAULT:
+    if run.case.is_half_vehicle and run.models[1:] == DEFAULT:
         return "with damper joints, or traditional with rigid ones"
     return "; ".join(f"{label}: {model.words}" for label, model in zip(run.labels_of_models, run.models, strict=True))
 
@@ -305,7 +320,8 @@ def _attributes(run: Run, simulations: Sequence[Simulation]) -> dict[str, Any]:
     accuracy = setup.accuracy
     discard = f"ln({1 / confirm_setup.FORGOTTEN:g})/sigma of the slowest mode below the band's end"
     conditions = {
-        "source": f"freqrail {versions['freqrail']}, simulation of the half vehicle against its frequency response",
+        "source": f"freqrail {versions['freqrail']}, simulation of {vehicle_words(run.case)} against its "
+        "frequency response",
         "result_content_digest": content_digest(run.dataset),
         "result_band": str(run.dataset.attrs["band"]),
         "grid_point": example_point(run.dataset),

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from freqrail.confirm.crosschecks import covariance_rms, line_rms, state_response
 from freqrail.confirm.setup import Setup, track_ranges
+from freqrail.confirm.simulated import Simulated, kernel_problem, static_loads
 from freqrail.confirm.time_side import OperatingPoint, time_side, vehicles
 from freqrail.model.band import Band
-from freqrail.model.responses import series_count
 from freqrail.model.spectrum import RationalSpectrum, frequency_psd, standard_deviation
-from freqrail.model.vehicle import Vehicle, static_wheel_load
 from freqrail.solver import solve
-from freqrail.solver.problem import half_vehicle_problem
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,8 @@ class References:
     that changes, relative, if the record is twice as long. own: the kernel's RMS over the result's own band.
     covariance, covariance_rounding: RMS over the whole axis from the states' covariance, and the relative rounding in
     it; NaN unless that is the result's own band. psd: [model, series, n] at the result's frequencies, from the state
-    space. track_deviation: [range] of `setup.track_ranges`, m, in closed form. wheel_load: P0, N.
+    space. track_deviation: [range] of `setup.track_ranges`, m, in closed form. wheel_load: of
+    `simulated.static_loads`, N.
     """
 
     kernel: NDArray[np.float64]
@@ -40,7 +39,7 @@ class References:
     covariance_rounding: NDArray[np.float64]
     psd: NDArray[np.float64]
     track_deviation: NDArray[np.float64]
-    wheel_load: float
+    wheel_load: NDArray[np.float64]
 
 
 def references(point: OperatingPoint, setup: Setup, own: Band | None, frequency: NDArray[np.float64]) -> References:
@@ -63,24 +62,32 @@ def references(point: OperatingPoint, setup: Setup, own: Band | None, frequency:
         covariance_rounding=rounding,
         psd=_spectra(point, setup, frequency),
         track_deviation=_track_deviations(point, setup),
-        wheel_load=static_wheel_load(models[0].car_body_mass, models[0].bogie_mass, models[0].wheelset_mass),
+        wheel_load=static_loads(point.vehicle),
     )
 
 
 def kernel_rms(
-    vehicle: Vehicle, point: OperatingPoint, names: tuple[str, ...], band: Band | None
+    vehicle: Simulated, point: OperatingPoint, names: tuple[str, ...], band: Band | None
 ) -> NDArray[np.float64]:
     """RMS of a vehicle at a point's speed and on its track by the kernel of a sweep: [series]."""
-    rms = solve.solve(half_vehicle_problem(vehicle, np.array([point.speed]), point.spectrum, band, names)).rms
+    rms = solve.solve(kernel_problem(vehicle, np.array([point.speed]), point.spectrum, band, names)).rms
     return np.concatenate([rms[name][:, 0] for name in names])
 
 
 def _covariances(point: OperatingPoint, setup: Setup) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if not isinstance(point.spectrum, RationalSpectrum):
-        return (np.full((len(vehicles(point)), series_count(setup.names)), np.nan),) * 2
+        return (np.full((len(vehicles(point)), setup.series), np.nan),) * 2
     side = time_side(point, setup.names)
     found = [
-        covariance_rms(model, side.readout[name], side.feedthrough[name], side.lags, point.spectrum, point.speed)
+        covariance_rms(
+            model,
+            side.readout[name],
+            side.feedthrough[name],
+            side.lags,
+            point.spectrum,
+            point.speed,
+            side.rates.get(name),
+        )
         for name, model in side.models.items()
     ]
     return np.array([rms for rms, _ in found]), np.array([rounding for _, rounding in found])
@@ -90,7 +97,7 @@ def _spectra(point: OperatingPoint, setup: Setup, frequency: NDArray[np.float64]
     side = time_side(point, setup.names)
     density = frequency_psd(point.spectrum, frequency, point.speed)
     transfer = [
-        state_response(model, side.readout[name], side.feedthrough[name], side.lags, frequency)
+        state_response(model, side.readout[name], side.feedthrough[name], side.lags, frequency, side.rates.get(name))
         for name, model in side.models.items()
     ]
     return np.square(np.abs(np.array(transfer))) * density

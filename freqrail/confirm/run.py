@@ -14,20 +14,25 @@ from numpy.typing import NDArray
 
 from freqrail.case.axis import SAME, Axis
 from freqrail.case.case import Case
-from freqrail.case.parameters import JOINTS, PARAMETERS, Parameter, suggestion
+from freqrail.case.described import HALF
+from freqrail.case.file import parse_toml
+from freqrail.case.free_tables import liked
+from freqrail.case.parameters import PARAMETERS, Parameter, suggestion
 from freqrail.case.quantities import parse_pair, parse_quantity
 from freqrail.case.samples import SAMPLE
 from freqrail.confirm import setup as confirm_setup
 from freqrail.confirm import simulation, time_side
 from freqrail.confirm.integrators import INTEGRATORS
 from freqrail.confirm.setup import Setup
+from freqrail.confirm.simulated import AnyVehicle, Simulated
 from freqrail.confirm.track_record import LARGEST_SEED
 from freqrail.errors import FreqrailWarning, InputError
-from freqrail.model import responses
+from freqrail.model.assembled import ACCELERATED, EQUAL_POLES, IRRATIONAL, RIGID, obstacles
 from freqrail.model.band import Band
-from freqrail.model.responses import RESPONSES
+from freqrail.model.equations import StateSpace
+from freqrail.model.responses import Vocabulary
+from freqrail.model.system import coefficients
 from freqrail.model.variants import Variant
-from freqrail.model.vehicle import Vehicle
 from freqrail.result.axes import grid_axis
 from freqrail.result.confirmation import is_confirmation
 from freqrail.result.points import Place, Point, find_place, off_grid, parse_point, read_result, result_case
@@ -67,7 +72,12 @@ class Run:
     @property
     def labels_of_models(self) -> tuple[str, ...]:
         """What the models are called, in their order."""
-        return tuple(model.name or time_side.OWN for model in self.models)
+        return tuple(model.name or _own(self.case) for model in self.models)
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The responses that the vehicle has."""
+        return self.case.vocabulary
 
     @property
     def frequency(self) -> NDArray[np.float64]:
@@ -85,7 +95,7 @@ class Run:
     @property
     def stored_bytes(self) -> int:
         """Size of the confirmation in bytes, about."""
-        series = responses.series_count(self.names)
+        series = self.setups[0].series
         each = 0.0
         for point, setup in zip(self.points, self.setups, strict=True):
             side = time_side.time_side(point, setup.names)
@@ -128,13 +138,15 @@ def prepare_run(
     chosen = _band(band, problems) if band else case.band or WHOLE_AXIS_BAND
     if problems:
         raise InputError(*problems)
-    names = tuple(name for name in RESPONSES if f"{name}_rms" in dataset)
+    names = tuple(name for name in case.vocabulary.responses if f"{name}_rms" in dataset)
     places = _places(dataset, case, at)
     labels = tuple(_label_of(place) for place in places)
     models = _models(case)
     points = tuple(_point(place, models) for place in places)
-    simulated = tuple(model.name or time_side.OWN for model in models)
-    rigid = tuple(model.name for model in models if all(math.isinf(model.values.get(joint, 0.0)) for joint in JOINTS))
+    if refused := _refusals(case, labels, points):
+        raise InputError(*refused)
+    simulated = tuple(model.name or _own(case) for model in models)
+    rigid = _rigid(points, names)
     setups = []
     for label, point in zip(labels, points, strict=True):
         setup = Setup(
@@ -147,11 +159,12 @@ def prepare_run(
             names=names,
             models=simulated,
             rigid=rigid,
+            vocabulary=case.vocabulary,
         )
         try:
             confirm_setup.check_setup(point, setup)
         except InputError as fault:
-            raise InputError(*(f"confirm: {label}: {line}" for line in fault.problems)) from None
+            raise InputError(*(f"confirm: {_prefix(label)}{line}" for line in fault.problems)) from None
         setups.append(setup)
     return Run(case, dataset, names, models, chosen, tuple(places), labels, points, tuple(setups))
 
@@ -288,7 +301,8 @@ def _models(case: Case) -> tuple[Variant, ...]:
     """The vehicle itself and the variants that can be simulated beside it: with wheels at its places and its speed."""
     models = []
     for model in case.models:
-        moved = sorted(model.fixed & {"speed", "half_bogie_spacing", "half_wheelbase"})
+        places = {name for wheel in case.described.system.wheels for name in coefficients(wheel.place)}
+        moved = sorted(model.fixed & {"speed", *places})
         if moved:
             warnings.warn(
                 f"confirm: {model.words}: left out: it fixes {', '.join(moved)}, and the models of a confirmation "
@@ -306,8 +320,9 @@ def _point(place: Place, models: tuple[Variant, ...]) -> time_side.OperatingPoin
     case = result_case(place.dataset)
     axes = tuple(_axis_of(place.dataset, axis) for axis in case.axes)
 
-    def vehicle_of(own: Case) -> Vehicle:
-        return own.vehicles().at(tuple(place.index[axis.name] for axis in own.axes if axis.name != "speed"))
+    def vehicle_of(own: Case) -> Simulated:
+        index = tuple(place.index[axis.name] for axis in own.axes if axis.name != "speed")
+        return own.vehicles().at(index) if own.described == HALF else _any_vehicle(own, index)
 
     case = replace(case, axes=axes)
     vehicle = vehicle_of(case)
@@ -318,13 +333,94 @@ def _point(place: Place, models: tuple[Variant, ...]) -> time_side.OperatingPoin
         values[column.name] = float(grid_axis(place.dataset, column.name).si[place.index[SAMPLE]])
     # twelve digits: the streams must not hang on the last bit of a conversion of units
     key = ", ".join(f"{name}={values[name]:.12g}" for name in sorted(values))
-    return time_side.OperatingPoint(vehicle, values["speed"], case.spectrum, key, twins)
+    return time_side.OperatingPoint(vehicle, values["speed"], case.spectrum, key, twins, _own(case))
+
+
+def _own(case: Case) -> str:
+    """What the vehicle itself is called among the models."""
+    return time_side.OWN if case.is_half_vehicle else time_side.OWN_FREE
+
+
+def _any_vehicle(case: Case, index: tuple[int, ...]) -> AnyVehicle:
+    """One vehicle of a case's grid. index: along its axes but speed."""
+    system = case.described.system
+    values = {name: value for name, value in case.values().items() if name in {*system.parameters}}
+    shape = np.broadcast_shapes(*(np.shape(value) for value in values.values()))
+    floats = {name: float(np.broadcast_to(value, shape)[index]) for name, value in values.items()}
+    return AnyVehicle(system, floats, case.described.readings.outputs)
+
+
+def _rigid(points: Sequence[time_side.OperatingPoint], names: tuple[str, ...]) -> tuple[str, ...]:
+    """The models that newmark serves: nothing moves inside their legs, nor inside their contacts, at any point."""
+    sides = [time_side.time_side(point, names) for point in points]
+    return tuple(
+        name
+        for name in sides[0].models
+        if all(_second_order(side.models[name], name not in side.rates) for side in sides)
+    )
+
+
+def _second_order(model: StateSpace, rates_apart: bool) -> bool:
+    """Whether a model is q'' = -C q' - K q + B v and no more."""
+    freedoms = sum(state.endswith("/dt") for state in model.states)
+    return rates_apart and len(model.states) == 2 * freedoms and not model.b[freedoms:].any()
+
+
+_WHY = {
+    IRRATIONAL: (
+        "no differential equation, so that nothing can be integrated in time",
+        "compare by sums over lines (freqrail.confirm.crosschecks.line_rms), or give a law of springs, dashpots and "
+        'inerters, such as "k | (K - c)"',
+    ),
+    RIGID: ("rigid", 'give a finite stiffness in place of "inf", such as "10 GN/m"'),
+    EQUAL_POLES: ("a law with equal poles", "change one of its numbers a little, such as by 0.1 %"),
+    ACCELERATED: ("an inerter on the track", 'put a spring in series with it, as in contact = "H - (m | k | c)"'),
+}
+"""Why a law cannot be simulated, in words, and what to do."""
+
+
+def _refusals(case: Case, labels: Sequence[str], points: Sequence[time_side.OperatingPoint]) -> list[str]:
+    """A line for every reason why a vehicle cannot be simulated: which laws, where, and what to do."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for label, point in zip(labels, points, strict=True):
+        for model, vehicle in time_side.vehicles(point).items():
+            if isinstance(vehicle, AnyVehicle):
+                for name, why in obstacles(vehicle.system, vehicle.values).items():
+                    # a law is what it is everywhere, a number may be that of one point and model
+                    where = "" if why == IRRATIONAL else _prefix(label, model)
+                    names = found.setdefault((where, why), [])
+                    names += [] if name in names else [name]
+    lines = []
+    for (where, why), names in found.items():
+        words, remedy = _WHY[why]
+        told = [_law_words(case, name, why) for name in names]
+        some = ", ".join(told[:3]) + (f" and {len(told) - 3} more" if len(told) > 3 else "")
+        lines.append(f"confirm: {where}{some}: {words}; {remedy}")
+    return lines
+
+
+def _law_words(case: Case, name: str, why: str) -> str:
+    """A leg or a wheel's contact in words, with the letters of its law that have no differential equation."""
+    wheel = name in [wheel.name for wheel in case.described.system.wheels]
+    words = f"contact of wheel {name}" if wheel else f"suspension {name}"
+    if why != IRRATIONAL:
+        return words
+    tables = parse_toml(case.effective, "the result's case")["wheels" if wheel else "suspensions"]
+    table = liked(tables, tables[name])
+    letters = ", ".join(key for key, value in table.items() if isinstance(value, dict))
+    return f"{words}, {letters}"
 
 
 def _axis_of(dataset: xr.Dataset, axis: Axis) -> Axis:
     """A case's axis, or what a part of its result, or several put together, have of it."""
     own = grid_axis(dataset, axis.name)
     return axis if own.si.size == axis.si.size and np.allclose(own.si, axis.si, rtol=SAME, atol=0.0) else own
+
+
+def _prefix(*where: str) -> str:
+    """Where a fault is, before its words; the one point of a case without axes has no label."""
+    known = ", ".join(filter(None, where))
+    return f"{known}: " if known else ""
 
 
 def _label_of(place: Place) -> str:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from freqrail.confirm.crosschecks import state_response
 from freqrail.confirm.integrators import Accuracy
+from freqrail.confirm.simulated import poles
 from freqrail.confirm.time_side import OWN, OperatingPoint, TimeSide, time_side, vehicles
 from freqrail.errors import InputError
-from freqrail.model.responses import PAPER, series_count
+from freqrail.model.responses import HALF_VEHICLE, PAPER, Vocabulary
 from freqrail.model.spectrum import frequency_psd
 from freqrail.model.variants import DEFAULT, TRADITIONAL
-from freqrail.solver.vehicle_poles import half_vehicle_poles
 
 MODELS = (OWN, *(variant.name for variant in DEFAULT))
 """The models of a confirmation of the default variants."""
@@ -78,7 +78,8 @@ class Setup:
     amplitudes. integrator: of `integrators.INTEGRATORS`. start: "rest" or "steady". seed: see `track_record.stream`.
     accuracy: None for the defaults. interpolation: of the track between samples, "cubic" (or, to show what
     it does, "linear"). names: of the responses. finer: times the track's samples that will do. models: as
-    `time_side.vehicles` has them; rigid: those without joints, which newmark serves.
+    `time_side.vehicles` has them; rigid: those without states inside their legs, which newmark serves. vocabulary: of
+    the names.
     """
 
     limits: tuple[float, float]
@@ -93,6 +94,12 @@ class Setup:
     finer: int = 1
     models: tuple[str, ...] = MODELS
     rigid: tuple[str, ...] = (TRADITIONAL.name,)
+    vocabulary: Vocabulary = HALF_VEHICLE
+
+    @property
+    def series(self) -> int:
+        """How many series the responses are, one a position."""
+        return self.vocabulary.series_count(self.names)
 
     def tighter(self) -> Setup:
         """The same ten times tighter: tolerances; the steps of a method of second order; else the track's samples."""
@@ -126,7 +133,7 @@ def accuracy(point: OperatingPoint, setup: Setup) -> Accuracy:
 
 def _struck(point: OperatingPoint, highest: float) -> NDArray[np.complex128]:
     """Poles of all models, rad/s, that a band up to `highest` [Hz] strikes."""
-    both = np.concatenate([half_vehicle_poles(vehicle) for vehicle in vehicles(point).values()])
+    both = np.concatenate([poles(vehicle) for vehicle in vehicles(point).values()])
     if not np.isfinite(both).all():
         raise InputError("the vehicle's numbers are too far apart for double precision: nothing to simulate")
     return both[np.abs(both.imag) <= 2 * np.pi * (highest + NEAR)]
@@ -152,7 +159,7 @@ def check_setup(point: OperatingPoint, setup: Setup) -> None:
             "without that mode"
         )
     samples = (setup.period + startup(point, setup)) * sampling_rate(point, setup, time_side(point, setup.names))
-    needed = 8 * samples * (6 * min(setup.realisations + 1, BATCH) + 2 * series_count(setup.names))
+    needed = 8 * samples * (6 * min(setup.realisations + 1, BATCH) + 2 * setup.series)
     needed += 16 * setup.limits[1] * setup.period * (setup.realisations + 1)
     if needed > MOST_MEMORY:
         raise InputError(
@@ -184,9 +191,9 @@ def sampling_rate(point: OperatingPoint, setup: Setup, side: TimeSide) -> float:
     """
     highest = setup.limits[1] + 0.5 / setup.period
     modes = max(float(np.abs(np.linalg.eigvals(model.a).imag).max()) / (2 * np.pi) for model in side.models.values())
+    rates = dict.fromkeys(max(samples * highest, highest + 2 * modes) for samples in SAMPLES_A_PERIOD)
     rate = math.inf
-    for samples in SAMPLES_A_PERIOD:
-        rate = max(samples * highest, highest + 2 * modes)
+    for rate in rates:  # each once: the modes may ask for more than the first ones give
         if setup.interpolation != "cubic" or image_bound(point, setup, side, rate) <= IMAGES:
             break
     return rate * setup.finer
@@ -204,7 +211,11 @@ def image_bound(point: OperatingPoint, setup: Setup, side: TimeSide, rate: float
     worst = 0.0
     for name, model in side.models.items():
         own, *others = (
-            np.abs(state_response(model, side.readout[name], side.feedthrough[name], side.lags, frequency))
+            np.abs(
+                state_response(
+                    model, side.readout[name], side.feedthrough[name], side.lags, frequency, side.rates.get(name)
+                )
+            )
             for frequency in (lines, *(image for image, _ in images))
         )
         added = sum(other * height for other, (_, height) in zip(others, images, strict=True))
@@ -226,7 +237,7 @@ BATCH = 16  # records that are columns of one state
 
 
 def groups(setup: Setup) -> list[tuple[str, tuple[str, ...]]]:
-    """(integrator, models that it runs together): as in the paper, newmark is for models without joints alone."""
+    """(integrator, models that it runs together): newmark is for models without inner states, as traditional."""
     if setup.integrator == "newmark":
         jointed = tuple(model for model in setup.models if model not in setup.rigid)
         rigid = tuple(model for model in setup.models if model in setup.rigid)

@@ -50,7 +50,6 @@ from freqrail.confirm.track_record import (
 )
 from freqrail.errors import NumericalError
 from freqrail.model.equations import StateSpace
-from freqrail.model.responses import series_count
 from freqrail.types import SecondsProgress
 
 TRIAL = 0.3  # s of wall time that the cost of a run is measured for
@@ -160,7 +159,7 @@ def examine(
     lines = spectral_lines(point.spectrum, point.speed, setup.limits, setup.period)
     records = amplitudes(point, setup)
     power = line_power(point, setup.names, lines.frequency)
-    squares = np.full((len(setup.models), series_count(setup.names), len(records)), np.nan)
+    squares = np.full((len(setup.models), setup.series, len(records)), np.nan)
     failures: dict[str, str] = {}
     first = None
     for begin in range(0, len(records), BATCH):
@@ -256,6 +255,7 @@ def run_records(setup: Setup, prepared: Prepared, progress: SecondsProgress) -> 
         model, start, size = _stacked(prepared, names)
         rows = block_diag(*(prepared.side.readout[name] for name in names))
         feedthrough = np.vstack([prepared.side.feedthrough[name] for name in names])
+        rates = _stacked_rates(prepared, names)
         at = [setup.models.index(name) for name in names]
         total = np.zeros((len(rows), records))
         done = 0
@@ -265,6 +265,8 @@ def run_records(setup: Setup, prepared: Prepared, progress: SecondsProgress) -> 
                     integrator, model, prepared.track, start, size, prepared.stride, prepared.accuracy, progress
                 ):
                     y = rows @ block + feedthrough @ _kept_heights(prepared, done, len(block))
+                    if rates is not None:
+                        y = y + rates @ _kept_rates(prepared, done, len(block))
                     total += np.square(y).sum(axis=0)
                     responses[at, :, done : done + len(y)] = y[..., 0].T.reshape(len(at), count, len(y))
                     done += len(y)
@@ -277,6 +279,20 @@ def run_records(setup: Setup, prepared: Prepared, progress: SecondsProgress) -> 
         else:
             squares[at] = (total / kept).reshape(len(at), count, records)
     return squares, responses, failures
+
+
+def _stacked_rates(prepared: Prepared, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+    """What the models' responses feel of the heights' rates at once, [series, wheels]; None for nothing."""
+    side = prepared.side
+    if not any(name in side.rates for name in names):
+        return None
+    return np.vstack([side.rates.get(name, np.zeros_like(side.feedthrough[name])) for name in names])
+
+
+def _kept_rates(prepared: Prepared, first: int, count: int) -> NDArray[np.float64]:
+    """Rates of the track's heights at the kept samples: as `_kept_heights`, m/s."""
+    track, stride = prepared.track, prepared.stride
+    return track.rates_at_steps(track.before + first * stride, count * stride)[::stride]
 
 
 def _kept_heights(prepared: Prepared, first: int, count: int) -> NDArray[np.float64]:

@@ -175,6 +175,13 @@ class Track:
         Returns [count, wheels, records], m.
         """
         weights = basis(self.degree, place)
+        return self._weighted(weights, first, count)
+
+    def rates_at_steps(self, first: int, count: int) -> NDArray[np.float64]:
+        """Rates of the heights there, m/s: of the pieces that begin at the steps."""
+        return self._weighted(basis_polynomials(self.degree)[:, 1] / self.step, first, count)
+
+    def _weighted(self, weights: NDArray[np.float64], first: int, count: int) -> NDArray[np.float64]:
         windows = (self.coefficients[first + j : first + j + count] * w for j, w in enumerate(weights))
         return np.asarray(sum(windows))
 

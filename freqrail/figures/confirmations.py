@@ -33,12 +33,13 @@ from freqrail.figures.style import (
     psd_label,
     variant_styles,
 )
-from freqrail.model.responses import DIMENSIONS, RESPONSES
 from freqrail.result.confirmation import band_note, confirmed_names, is_anew, relative
 from freqrail.result.variants import models_of
 from freqrail.result.verdicts import FAILED, OUTSIDE
+from freqrail.result.vocabulary import vocabulary_of
 
 _CLOSE, _SHOWN = 1.0, 5.0  # s: of the histories, where the wheels' lags are to be seen, and otherwise
+_COUNTS = {2: "two", 3: "three", 4: "four", 6: "six", 8: "eight"}
 _PANELS_A_ROW, _POINTS_A_FIGURE = 3, 9
 _COLOURS = (BLUE, "black", GREEN, PINK, ORANGE)  # of the vehicle itself and of its variants; of more they begin anew
 _SMALLEST = 1e-14  # solver errors below this are rounding, and drawn there
@@ -75,16 +76,22 @@ def drawings(dataset: xr.Dataset, point: int | None = None) -> dict[str, Callabl
 
 
 def _track(dataset: xr.Dataset, point: int) -> Figure:
-    """The track at the four wheels (the paper's fig. 3), and a second of it, where the lags show."""
+    """The track at the wheels (the paper's fig. 3), and a second of it, where the lags show."""
     one = dataset.isel(point=point)
+    wheels = str(one["lag"].dims[0])
+    dimension = vocabulary_of(dataset).dimensions[wheels]
+    words = [dimension.place(label) for label in one[wheels].values]
+    colours = [WHEELS[k % len(WHEELS)] for k in range(len(words))]
+    all_of_them = f"the {_COUNTS.get(len(words), len(words))} wheels" if len(words) > 1 else "the wheel"
     figure = _figure(4.2, dataset, point, "track irregularity of record 0")
     for ax, span, letter in zip(figure.subplots(2, 1), (_SHOWN, _CLOSE), "ab", strict=True):
         kept = one["time"].values <= span
-        for axle, colour in zip(one["axle"].values, WHEELS, strict=True):
-            ax.plot(one["time"].values[kept], 1e3 * one["track_height"].sel(axle=axle).values[kept], color=colour)
+        for wheel, colour in enumerate(colours):
+            height = one["track_height"].isel({wheels: wheel}).values
+            ax.plot(one["time"].values[kept], 1e3 * height[kept], color=colour)
         ax.set_xlim(0, span)
-        ax.set(xlabel="time [s]", ylabel="track height [mm]", title=f"({letter}) under the four wheels, {span:g} s")
-    legend(figure, [Line2D([], [], color=c, label=f"axle {n}") for n, c in enumerate(WHEELS, start=1)])
+        ax.set(xlabel="time [s]", ylabel="track height [mm]", title=f"({letter}) under {all_of_them}, {span:g} s")
+    legend(figure, [Line2D([], [], color=c, label=name) for name, c in zip(words, colours, strict=True)])
     return figure
 
 
@@ -94,7 +101,7 @@ def _responses(dataset: xr.Dataset, point: int) -> Figure:
     kept = one["time"].values <= _SHOWN
     figure = _figure(_panels_height(dataset), dataset, point, "simulated responses to record 0")
     for name, ax in _panels(figure, dataset):
-        response = RESPONSES[name]
+        response = vocabulary_of(dataset).responses[name]
         for model, style in _line_styles(dataset).items():
             history = _first(one[f"{name}_history"], response.dimension, model)
             ax.plot(one["time"].values[kept], response.shown_scale * history[kept], **style)
@@ -115,7 +122,7 @@ def _spectra(dataset: xr.Dataset, point: int) -> Figure:
         "spectra: lines by frequency responses, dots by simulation (record 0)",
     )
     for name, ax in _panels(figure, dataset):
-        response = RESPONSES[name]
+        response = vocabulary_of(dataset).responses[name]
         top = 0.0
         for m, (model, colour) in enumerate(colours.items()):
             scale = response.shown_scale**2
@@ -169,11 +176,12 @@ def _first(variable: xr.DataArray, dimension: str, model: str) -> np.ndarray:
 
 def _panels(figure: Figure, dataset: xr.Dataset) -> list[tuple[str, Axes]]:
     """A panel a response that was confirmed, two in a row."""
-    names = confirmed_names(dataset)
+    names, vocabulary = confirmed_names(dataset), vocabulary_of(dataset)
     titles = []
     for name in names:
-        dimension = DIMENSIONS.get(RESPONSES[name].dimension)
-        titles.append(RESPONSES[name].long_name + (f", {dimension.words[0]}" if dimension else ""))
+        response = vocabulary.responses[name]
+        dimension = vocabulary.dimensions.get(response.dimension)
+        titles.append(response.long_name + (f", {dimension.words[0]}" if dimension else ""))
     return list(zip(names, panels(figure, titles), strict=True))
 
 
@@ -291,5 +299,5 @@ def _place(dataset: xr.Dataset, point: int) -> str:
 
 
 def _figure(height: float, dataset: xr.Dataset, point: int | None, what: str) -> Figure:
-    where = [] if point is None else [_place(dataset, point).replace(", (", " (")]
-    return new_figure(height, (0.04, 0.04), [what, *where, band_note(dataset)])
+    where = "" if point is None else _place(dataset, point).replace(", (", " (")
+    return new_figure(height, (0.04, 0.04), [*filter(None, [what, where]), band_note(dataset)])

@@ -10,8 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from freqrail.model.responses import RESPONSES
+from freqrail.model.responses import HALF_VEHICLE, Vocabulary
 from freqrail.result import verdicts
+from freqrail.result.vocabulary import vocabulary_of
 from freqrail.text import number
 
 CHECKS = {
@@ -56,7 +57,7 @@ def problems(dataset: xr.Dataset) -> list[str]:
             labels = [str(dataset[dataset[f"verdict_{check}"].dims[-1]].values[i]) for i in at]
             shown = ", ".join(labels[:3]) + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
             model = [f"{dataset['model'].values[m]} model" for m in index[1:]]
-            where = ", ".join([str(dataset["place"].values[index[0]]), *model])
+            where = ", ".join(filter(None, [str(dataset["place"].values[index[0]]), *model]))
             lines.append(f"{where}: {check.replace('_', ' ')} check {how}: {shown}{_remark(dataset, check, index)}")
     if (dataset["verdict_result"].values == verdicts.NOT_CHECKED).all():
         lines.append(_nothing_compared(dataset))
@@ -115,8 +116,9 @@ def power(dataset: xr.Dataset) -> list[dict[str, Any]]:
     """
     solver = float(100 * dataset["solver_tolerance"].values.max())
     rows = []
-    for name, part in series_of(confirmed_names(dataset)).items():
-        row: dict[str, Any] = {"response": RESPONSES[name].long_name}
+    vocabulary = vocabulary_of(dataset)
+    for name, part in series_of(confirmed_names(dataset), vocabulary).items():
+        row: dict[str, Any] = {"response": vocabulary.responses[name].long_name}
         for check, variable in (("kernel", "kernel_tolerance"), ("simulation", "smallest_fault_seen")):
             values = dataset[variable].values[..., part]
             row[f"{check}_percent"] = float(100 * np.max(values)) if np.isfinite(values).all() else None
@@ -141,36 +143,38 @@ def power_warnings(dataset: xr.Dataset) -> list[str]:
     ]
 
 
-def series_of(names: Sequence[str]) -> dict[str, slice]:
+def series_of(names: Sequence[str], vocabulary: Vocabulary = HALF_VEHICLE) -> dict[str, slice]:
     """Where the series of each response lie."""
     found, place = {}, 0
     for name in names:
-        found[name] = slice(place, place + max(1, len(RESPONSES[name].positions)))
+        found[name] = slice(place, place + max(1, len(vocabulary.responses[name].positions)))
         place = found[name].stop
     return found
 
 
-def series_labels(names: Sequence[str]) -> list[str]:
+def series_labels(names: Sequence[str], vocabulary: Vocabulary = HALF_VEHICLE) -> list[str]:
     """The series by label: "bogie_acceleration front", "primary_stroke axle 1", "car_body_pitch_acceleration"."""
     labels = []
     for name in names:
-        axle = "axle " if RESPONSES[name].dimension == "axle" else ""
-        labels += [f"{name} {axle}{position}" for position in RESPONSES[name].positions] or [name]
+        response = vocabulary.responses[name]
+        axle = "axle " if response.dimension == "axle" else ""
+        labels += [f"{name} {axle}{position}" for position in response.positions] or [name]
     return labels
 
 
 def confirmed_names(dataset: xr.Dataset) -> tuple[str, ...]:
     """The responses that a confirmation holds, in the table's order."""
-    return tuple(name for name in RESPONSES if f"{name}_rms_frequency_domain" in dataset)
+    return tuple(name for name in vocabulary_of(dataset).responses if f"{name}_rms_frequency_domain" in dataset)
 
 
 def relative(dataset: xr.Dataset, key: str) -> NDArray[np.float64]:
     """An RMS by simulation, such as "pooled" or "interval_low", relative to the frequency domain's, less one:
     [point, model, series]."""
     parts = []
+    responses = vocabulary_of(dataset).responses
     for name in confirmed_names(dataset):
         ratio = dataset[f"{name}_rms_{key}"].values / dataset[f"{name}_rms_frequency_domain"].values - 1
-        parts.append(ratio if RESPONSES[name].dimension else ratio[..., None])
+        parts.append(ratio if responses[name].dimension else ratio[..., None])
     return np.concatenate(parts, axis=-1)
 
 
@@ -194,8 +198,9 @@ def shared(dataset: xr.Dataset, point: int) -> dict[str, Any]:
     """What both sides of the checks share at a point (counted from 0), to be compared with numbers from elsewhere."""
     one = dataset.isel(point=point)
     return {
-        "static_wheel_load_N": float(one["static_wheel_load"]),
-        "contact_stiffness_N_per_m": float(one["contact_stiffness_used"]),
+        # one number where all wheels are alike; a contact that is no spring has none
+        "static_wheel_load_N": one["static_wheel_load"].values.tolist(),
+        "contact_stiffness_N_per_m": _numbers(one["contact_stiffness_used"]),
         "lags_s": one["lag"].values.tolist(),
         "simulated_lags_s": one["lag_simulated"].values.tolist(),
         "track": [
@@ -210,17 +215,24 @@ def shared(dataset: xr.Dataset, point: int) -> dict[str, Any]:
     }
 
 
+def _numbers(values: xr.DataArray) -> Any:
+    """A number, or a list of them with None for one that is not there."""
+    found = values.values.tolist()
+    return [None if each != each else each for each in found] if isinstance(found, list) else found
+
+
 def records(dataset: xr.Dataset, point: int) -> list[dict[str, Any]]:
     """What is told of one point (counted from 0): a row a model and series, in the units of the variables."""
     rows = []
+    vocabulary = vocabulary_of(dataset)
     labels = [str(label) for label in dataset["series"].values]
     differences = {"solver": "solver_error"} | {
         check: f"{check}_difference" for check in CHECKS if f"{check}_difference" in dataset
     }
     for m, model in enumerate(map(str, dataset["model"].values)):
         one = dataset.isel(point=point, model=m)
-        for name, part in series_of(confirmed_names(dataset)).items():
-            response = RESPONSES[name]
+        for name, part in series_of(confirmed_names(dataset), vocabulary).items():
+            response = vocabulary.responses[name]
             kept = ("frequency_domain", "pooled", "interval_low", "interval_high")
             values = np.array([np.atleast_1d(one[f"{name}_rms_{key}"].values) for key in kept])
             for k, (rms, simulated, low, high) in zip(range(part.start, part.stop), values.T.tolist(), strict=True):

@@ -208,7 +208,8 @@ def scalar_coordinates(case: Case, band: Band | None) -> dict[str, tuple[tuple[(
     return found
 
 
-def _vehicle_words(case: Case) -> str:
+def vehicle_words(case: Case) -> str:
+    """What a case's vehicle is called in attributes."""
     return "the half vehicle" if case.is_half_vehicle else "the vehicle that the case describes"
 
 
@@ -225,7 +226,7 @@ def attributes(case: Case, command: str) -> dict[str, Any]:
         "Conventions": "CF-1.11",
         "title": case.title,
         "history": f"{now} freqrail {__version__}: {command} of {case.name}",
-        "source": f"freqrail {__version__}, frequency response of {_vehicle_words(case)}",
+        "source": f"freqrail {__version__}, frequency response of {vehicle_words(case)}",
         "references": case.reference,
         "dataset_schema_version": SCHEMA_VERSION,
         "case_name": case.name,
