@@ -24,7 +24,7 @@ from pydantic import ValidationError
 from freqrail.case.axis import Axis, is_same, nearest, parse_axis
 from freqrail.case.described import HALF, Described, describe_free, describe_template
 from freqrail.case.file import CONTACTS, apply_axis, apply_setting, find, parse_toml, to_toml
-from freqrail.case.free_tables import NESTED, flat_names, flat_sweep, is_free, typed_name, value_paths
+from freqrail.case.free_tables import NESTED, flat_names, flat_sweep, inline_shapes, is_free, typed_name, value_paths
 from freqrail.case.free_vehicle import TABLES
 from freqrail.case.kinds import parse_value
 from freqrail.case.parameters import JOINTS, PARAMETERS, SHARED_BY_SIDES, VARIABLE, Parameter, meaning, suggestion
@@ -262,6 +262,8 @@ def build_case(
             return f"{file}: [{'.'.join(at)}]"
         return f"{file}: [{'.'.join(at[:-1])}].{at[-1]}" if len(at) > 1 else f"{file}: {at[0]}"
 
+    if paths is not None:
+        inline_shapes(tables, folder, lambda at, words: problems.append(f"{where(*at)}: {words}"))
     if isinstance(samples, Path):
         names = names_in(samples) if paths is not None else ()
         variable = _variable_before(tables, where, (*keys(tables, "sweep"), *names)) if paths is not None else VARIABLE

@@ -174,12 +174,11 @@ class _Reader:
         points, length = None, ""
         if "shape" in table:
             points = self.shape((*path, "shape"), table["shape"])
-            modal = value("modal_mass", "mass", '"8000 kg"')  # a shape of its own needs one of its own
         else:
             length = value("length", "length", '"24.5 m"') or ""
-            modal = value("modal_mass", "mass", "") if "modal_mass" in table else leaf_name((*path, "modal_mass"))
-            if mass and modal and "modal_mass" not in table:
-                self.derived[modal] = ModalMass(modal, mass)
+        modal = value("modal_mass", "mass", "") if "modal_mass" in table else leaf_name((*path, "modal_mass"))
+        if mass and modal and "modal_mass" not in table:
+            self.derived[modal] = ModalMass(modal, mass)
         if not (frequency and ratio and modal and (points or length)):
             return None
         freedom = f"{body}.bending_{order}"
@@ -191,7 +190,7 @@ class _Reader:
     def shape(self, path: Path, shape: object) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
         """The points of a mode shape."""
         if not isinstance(shape, dict) or set(shape) != {"position", "value"}:
-            self.leaves.fault(path, f"a table {_SHAPE} is expected {given(shape)}")
+            self.leaves.fault(path, f'a CSV file such as "mode.csv", or a table {_SHAPE}, is expected {given(shape)}')
             return None
         try:
             positions = read_list(shape["position"], "length")

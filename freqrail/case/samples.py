@@ -183,7 +183,7 @@ def read_csv(path: str | os.PathLike[str], folder: Path | None = None, variable:
     The head has a column a parameter, with its unit: `primary_joint_stiffness [MN/m]`; a column `name` names samples.
     """
     label = str(path) or "."
-    text = _text(Path(folder or ".", path), label)
+    text = read_text(Path(folder or ".", path), label)
     rows = csv.reader(io.StringIO(text, newline=""), strict=True)
     faults = _Faults()
     heads: list[tuple[str, str]] | None = None
@@ -216,7 +216,7 @@ def read_csv(path: str | os.PathLike[str], folder: Path | None = None, variable:
 def names_in(path: Path) -> tuple[str, ...]:
     """The names in the head of a CSV file, as far as they can be read; `read_csv` says what is wrong with it."""
     try:
-        head = next(csv.reader(io.StringIO(_text(path, str(path)), newline="")), [])
+        head = next(csv.reader(io.StringIO(read_text(path, str(path)), newline="")), [])
     except (InputError, csv.Error):
         return ()
     found = [_HEAD.fullmatch(cell.strip()) for cell in head]
@@ -227,7 +227,7 @@ def _example() -> str:
     return '"name,primary_joint_stiffness [MN/m]"'
 
 
-def _text(path: Path, label: str) -> str:
+def read_text(path: Path, label: str) -> str:
     """The text of a CSV file. Raises InputError for one that is missing, too large or no text."""
     try:
         if not path.exists():

@@ -35,8 +35,8 @@ NOTHING_TO_COMPARE = {
 }
 
 POWER = (
-    "the kernel and the lines that it is held against share the ladder of masses, springs and dampers: the kernel "
-    "check sees faults of the integration, the lags and the band; a fault of the ladder is seen by the solver check"
+    "the kernel and the lines that it is held against share the blocks of the vehicle: the kernel "
+    "check sees faults of the integration, the lags and the band; a fault of the blocks is seen by the solver check"
 )
 """What the limits of `power` are limits of."""
 

@@ -387,6 +387,23 @@ def test_samples_vary_paths_and_names_together(tmp_path):
     np.testing.assert_allclose(result.stroke_rms[0], one.stroke_rms, rtol=1e-10)
 
 
+def test_a_mode_shape_may_stand_in_a_file(tmp_path):
+    """The beam's own shape told by points gives the beam's numbers, but for the straight lines between them."""
+    x = np.linspace(-12.25, 12.25, 2001)
+    half, at = 4.730040744862704 / 2, 4.730040744862704 * x / 24.5
+    shape = (np.cos(at) / np.cos(half) + np.cosh(at) / np.cosh(half)) / 2
+    rows = "\n".join(f"{a!r},{b!r}" for a, b in zip(x.tolist(), shape.tolist(), strict=True))
+    (tmp_path / "mode.csv").write_text(f"position [m],value\n{rows}\n")
+    mode = {"frequency": "9 Hz", "damping_ratio": 0.015, "shape": "mode.csv"}
+    (tmp_path / "v.toml").write_text(changed(((*CAR, "bending"), [mode])))
+    found, beam = freqrail.sweep(tmp_path / "v.toml"), freqrail.sweep(quiet(VEHICLE))
+    np.testing.assert_allclose(found.driver_rms, beam.driver_rms, rtol=1e-5)
+    assert "mode.csv" not in found.attrs["effective_case"]
+    (tmp_path / "mode.csv").write_text("x,y\n1,2\n")
+    with pytest.raises(InputError, match="its first line must be"):
+        freqrail.load_case(tmp_path / "v.toml")
+
+
 def test_bodies_that_do_not_pitch_have_no_pitch_acceleration():
     text = changed((("bodies", "bogie_rear", "pitch_inertia"), None))
     result = freqrail.sweep(quiet(text))
