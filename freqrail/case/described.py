@@ -54,7 +54,7 @@ def describe_template(
     warned: list[str],
 ) -> Described:
     """The half vehicle with the outputs of a case; its parameters may stand in their places."""
-    if "outputs" not in tables:
+    if "outputs" not in tables or not {*HALF.system.lengths} <= quantities.keys():  # else the case is at fault anyway
         return HALF
     leaves = Leaves(where, problems)
     leaves.known = {

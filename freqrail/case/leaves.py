@@ -192,6 +192,10 @@ class Leaves:
         """The values by name, SI."""
         return {name: read.quantity.value for name, read in self.used.items()}
 
+    def known_numbers(self) -> dict[str, float]:
+        """The values and all parameters of the file by name, SI."""
+        return {name: read.quantity.value for name, read in {**self.known, **self.used}.items()}
+
     def quantities(self) -> dict[str, Quantity]:
         """The values by name, as written and in SI."""
         return {name: read.quantity for name, read in self.used.items()}

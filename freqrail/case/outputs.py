@@ -172,7 +172,7 @@ class _Reader:
 
     def inside(self, at: Path, body: Body, place: Place) -> bool:
         """Whether the shapes of the body's modes cover a place; one outside of a usual car is warned of."""
-        values = self.leaves.numbers()
+        values = self.leaves.known_numbers()
         x = distance(body, place, values)
         for mode in body.modes:
             low, high = mode.reach(values)
