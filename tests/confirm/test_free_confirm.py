@@ -345,6 +345,14 @@ def test_of_a_contact_the_letter_is_told_too():
         prepare_run(freqrail.sweep(case_of(text)), **QUICK)
 
 
+def test_a_variants_rigid_leg_is_refused_with_its_name():
+    text = VEHICLE.replace('k = "10.5 kN*m/rad"', 'k = "clamp"').replace('joint = "30 MN/m"', 'clamp = "inf"')
+    result = freqrail.sweep(case_of(text.replace("[parameters]", '[parameters]\nclamp = "10.5 kN*m/rad"')))
+    with pytest.raises(InputError, match="confirm: stiff: suspension pitch_front: rigid; give a large finite") as told:
+        prepare_run(result, **QUICK)
+    assert len(told.value.problems) == 1
+
+
 def test_a_rigid_leg_is_refused_where_it_is_rigid():
     case = case_of(VEHICLE)
     system, values = case.described.system, case.values()
