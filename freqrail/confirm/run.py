@@ -372,7 +372,7 @@ _WHY = {
         "compare by sums over lines (freqrail.confirm.crosschecks.line_rms), or give a law of springs, dashpots and "
         'inerters, such as "k | (K - c)"',
     ),
-    RIGID: ("rigid", 'give a finite stiffness in place of "inf", such as "10 GN/m"'),
+    RIGID: ("rigid", 'give a large finite stiffness in place of "inf"'),
     EQUAL_POLES: ("a law with equal poles", "change one of its numbers a little, such as by 0.1 %"),
     ACCELERATED: ("an inerter on the track", 'put a spring in series with it, as in contact = "H - (m | k | c)"'),
 }

@@ -116,7 +116,7 @@ def _parts(system: System, values: Values) -> Iterator[_Part]:
         found = law.realisation(values)
         obstacle = _obstacle(found, wheel >= 0)
         if found is None or obstacle:
-            raise ValueError(f"{each.name!r} {obstacle}")
+            raise ValueError(obstacle.format(repr(each.name)))
         c = float(np.real(found.c + sum(c_j for c_j, tau in found.branches if tau == 0)))
         if abs(c) <= _ROUNDED * sum(abs(c_j) for c_j, _ in found.branches):
             c = 0.0
@@ -130,11 +130,11 @@ def _parts(system: System, values: Values) -> Iterator[_Part]:
         yield _Part(each.name, row, max(wheel, -1), float(found.k), c, float(found.b), tuple(branches))
 
 
-IRRATIONAL = "has a law without a differential equation"
-RIGID = "is rigid"
-EQUAL_POLES = "has a law with equal poles, which is no sum of first-order branches"
-ACCELERATED = "takes the track's acceleration"
-"""Why a leg or a wheel has no equations in time."""
+IRRATIONAL = "the law of {} has no differential equation"
+RIGID = "{} is rigid"
+EQUAL_POLES = "the law of {} has equal poles: it is no sum of first-order branches"
+ACCELERATED = "the contact of {} takes the track's acceleration"
+"""Why a leg or a wheel, its name in the braces, has no equations in time."""
 
 
 def obstacles(system: System, values: Values) -> dict[str, str]:

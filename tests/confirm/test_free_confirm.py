@@ -20,7 +20,9 @@ from freqrail.confirm.run import prepare_run
 from freqrail.errors import InputError
 from freqrail.figures import confirmations
 from freqrail.model import assembled
+from freqrail.model.elements import Dashpot, Parallel, Series, Spring
 from freqrail.model.outputs import Output
+from freqrail.model.realisation import Realisation
 from freqrail.model.spectrum import frequency_psd
 from freqrail.result import confirmation
 from freqrail.result.netcdf import write_result
@@ -345,6 +347,14 @@ def test_of_a_contact_the_letter_is_told_too():
         prepare_run(freqrail.sweep(case_of(text)), **QUICK)
 
 
+def test_a_variants_rigid_leg_is_refused_with_its_name():
+    text = VEHICLE.replace('k = "10.5 kN*m/rad"', 'k = "clamp"').replace('joint = "30 MN/m"', 'clamp = "inf"')
+    result = freqrail.sweep(case_of(text.replace("[parameters]", '[parameters]\nclamp = "10.5 kN*m/rad"')))
+    with pytest.raises(InputError, match="confirm: stiff: suspension pitch_front: rigid; give a large finite") as told:
+        prepare_run(result, **QUICK)
+    assert len(told.value.problems) == 1
+
+
 def test_a_rigid_leg_is_refused_where_it_is_rigid():
     case = case_of(VEHICLE)
     system, values = case.described.system, case.values()
@@ -353,6 +363,16 @@ def test_a_rigid_leg_is_refused_where_it_is_rigid():
     assert assembled.obstacles(system, rigid) == {"secondary_rear": assembled.RIGID}
     with pytest.raises(ValueError, match="'secondary_rear' is rigid"):
         assembled.state_space(system, rigid)
+
+
+def test_equal_poles_are_told_apart_by_rounding_or_refused():
+    """Three springs beside dashpots in series, all alike: a double pole, which partial fractions halve at best."""
+    parts = tuple(Parallel((Spring("k"), Dashpot("c"))) for _ in range(3))
+    law, values = Series(parts), {"k": 4.3e5, "c": 2e4}
+    s = 2j * np.pi * np.array([0.5, 5.0, 50.0])
+    np.testing.assert_allclose(law.realisation(values).stiffness(s), law.stiffness(values, s), rtol=1e-7)
+    nothing = Realisation(1.0, np.nan, 0.0, ((np.inf, 0.05), (-np.inf, 0.05)))
+    assert assembled._obstacle(nothing, contact=False) == assembled.EQUAL_POLES
 
 
 def test_an_output_of_the_tracks_acceleration_is_refused():
