@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqrail.case.parameters import Parameter
-from freqrail.case.quantities import check_bounds, split_number, to_float, unit_factor, user_factor
+from freqrail.case.quantities import PLAIN, check_bounds, split_number, to_float, unit_factor, user_factor
 from freqrail.text import given
 
 LARGEST_AXIS = 10_000_000
@@ -68,7 +68,7 @@ def parse_axis(parameter: Parameter, text: object) -> Axis:
     if not isinstance(text, str):
         raise ValueError(f'an axis is text such as "{_axis_example(parameter)}" {got}')
     written = _read(parameter, text.strip(), got)
-    factor = user_factor(parameter, written.unit or parameter.unit, got)
+    factor = user_factor(parameter, written.unit or (parameter.unit if written.rigid else ""), got)
     shown = parameter.shown_unit or written.unit or parameter.unit
     exact = _exact_values(written, got)
     end = [math.inf] if written.rigid else []
@@ -106,7 +106,7 @@ def _read(parameter: Parameter, body: str, got: str) -> _Written:
     finite = numbers[:-1] if rigid else numbers
     if not all(n.is_finite() for n in finite):
         raise ValueError(f"inf can only end a list of values {got}")
-    if not unit and finite:
+    if not unit and finite and parameter.unit not in PLAIN:
         raise ValueError(f'a unit is missing at the end: write it as in "{example}" {got}')
     return _Written(form, finite, unit, rigid)
 
@@ -143,7 +143,7 @@ def _check_increasing(values: NDArray[np.float64], si: NDArray[np.float64], got:
 
 def _axis_example(parameter: Parameter) -> str:
     return {"speed": "100:300:10 km/h", "frequency": "log:0.1:100:400 Hz"}.get(
-        parameter.name, f"1, 2, 5 {parameter.example.split(' ', 1)[1]}"
+        parameter.name, f"1, 2, 5 {parameter.example.partition(' ')[2]}".rstrip()
     )
 
 

@@ -21,6 +21,9 @@ from freqrail.case.parameters import PARAMETERS, Parameter
 from freqrail.errors import FileError
 from freqrail.text import given
 
+PLAIN = ("", "1")
+"""Units of a plain number, such as a damping ratio."""
+
 LONGEST_QUANTITY = 100
 """Most characters of one number with its unit; no true one comes near."""
 
@@ -71,6 +74,8 @@ def unit_factor(unit: str) -> tuple[Fraction, Any]:
 
     The radian counts as a base unit, so that "rad/s" is not taken for Hz, nor "1/m" for "rad/m".
     """
+    if unit in PLAIN:
+        return Fraction(1), _registry().Quantity(Fraction(1), "").units
     if len(unit) > LONGEST_QUANTITY or not _UNIT.fullmatch(unit):
         raise ValueError(f"not a unit: {unit!r}")
     if _AMBIGUOUS.search(unit):
@@ -102,6 +107,8 @@ def cf_unit(unit: str) -> str | None:
 
     Raises ValueError for an unknown unit.
     """
+    if unit in PLAIN:
+        return "1"
     unit_factor(unit)
     registry = _registry()
     factors = []
@@ -163,7 +170,9 @@ def to_float(exact: Fraction, got: str) -> float:
 
 def user_factor(parameter: Parameter, unit: str, got: str) -> Fraction:
     """Exact factor of the user's unit, after checking that it is there and of the right dimension."""
-    if not unit:
+    if parameter.unit in PLAIN and unit:
+        raise ValueError(f"a number without a unit is expected, such as {parameter.example} {got}")
+    if not unit and parameter.unit not in PLAIN:
         raise ValueError(f'a unit is missing: write it as in "{parameter.example}" {got}')
     try:
         factor, dimension = unit_factor(unit)
@@ -192,7 +201,7 @@ def check_bounds(parameter: Parameter, value: float, got: str) -> None:
         raise ValueError(f"{parameter.hint or f'must be at most {parameter.upper:g} {parameter.unit}'} {got}")
     smallest, largest = parameter.plausible
     if value and not smallest * (1 - 1e-12) <= value <= largest * (1 + 1e-12):
-        unit = parameter.example.split(" ", 1)[1]
+        unit = parameter.example.partition(" ")[2]
         factor = float(unit_factor(unit)[0])
         zero = "0, or " if not parameter.above and not parameter.lower else ""
         raise ValueError(f"must be {zero}from {smallest / factor:g} to {largest / factor:g} {unit} {got}")

@@ -418,7 +418,7 @@ def result_point(dataset: xr.Dataset, point: Point | None) -> tuple[Record, list
                     "relative_error": error,
                 }
             )
-    shown = in_shown_units(records, [variant.name for variant in models[1:]])
+    shown = in_shown_units(records, [variant.name for variant in models[1:]], vocabulary_of(dataset))
     return facts | {"numbers": records}, [*lines, table(shown)]
 
 

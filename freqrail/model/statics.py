@@ -28,12 +28,13 @@ def _springs(system: System, values: Values) -> tuple[NDArray[np.float64], NDArr
         stacked = [np.stack([np.broadcast_to(entry, shape) for entry in row], axis=-1) for row in entries]
         return np.stack(stacked, axis=-2) if stacked else np.zeros((*shape, 0, len(system.freedoms)))
 
-    stiffnesses = [np.broadcast_to(np.real(leg.law.stiffness(values, _AT_REST)), shape) for leg in system.legs]
+    with np.errstate(all="ignore"):
+        stiffnesses = [np.broadcast_to(np.real(leg.law.stiffness(values, _AT_REST)), shape) for leg in system.legs]
     k = np.stack(stiffnesses, axis=-1) if stiffnesses else np.zeros((*shape, 0))
     return rows(system.legs), k, rows(system.wheels)
 
 
-_AT_REST = 0j
+_AT_REST = 1e-15 + 0j  # 1/s: at 0 a dashpot and an inerter in series would be 0/0
 _RIGID = 1e9  # of the stiffest leg: what stands for an infinite stiffness
 
 

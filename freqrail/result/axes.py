@@ -9,7 +9,7 @@ import xarray as xr
 
 from freqrail.case.axis import Axis
 from freqrail.case.parameters import COMPLIANCES, SWEEPABLE
-from freqrail.case.quantities import typed_unit, unit_factor
+from freqrail.case.quantities import PLAIN, typed_unit, unit_factor
 from freqrail.case.samples import SAMPLE
 from freqrail.model.variants import Variant
 from freqrail.result.variants import models_of
@@ -70,7 +70,8 @@ def axis_label(dataset: xr.Dataset, name: str, index: int, digits: int = 6) -> s
 def axis_unit(dataset: xr.Dataset, name: str) -> str:
     """The unit of a coordinate as users type it, such as "kN*s/m"; "" if it has none."""
     attributes = dataset[name].attrs
-    return typed_unit(str(attributes.get("units", attributes.get("user_units", ""))))
+    unit = typed_unit(str(attributes.get("units", attributes.get("user_units", ""))))
+    return "" if unit in PLAIN else unit
 
 
 def first_failures(dataset: xr.Dataset) -> list[str]:

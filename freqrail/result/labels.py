@@ -130,7 +130,7 @@ def coordinate(axis: Axis, case: Case) -> dict[str, tuple[str, NDArray, dict[str
     parameter = case.parameter(axis.name)
     if not has_dimension(parameter):
         described = {"long_name": case.meaning(axis.name), "units": "1"}
-        return {axis.name: (axis.name, axis.values, described)}
+        return {axis.name: (axis.name, axis.si, described)}
     values, unit = axis.values, parameter.shown_unit or cf_unit(axis.unit)
     if unit is None and cf_unit(parameter.unit):
         values, unit = axis.si, cf_unit(parameter.unit)

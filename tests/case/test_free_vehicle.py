@@ -371,6 +371,29 @@ def test_what_one_has_of_another_by_like_varies_with_it_unless_it_is_named():
     np.testing.assert_allclose(axis.stroke_rms[1], one.stroke_rms, rtol=1e-9)
 
 
+def test_numbers_without_a_unit_are_axes_too(tmp_path):
+    ratio = "bodies.car.bending_1.damping_ratio"
+    case = quiet(VEHICLE, over={ratio: "0.01, 0.015, 0.05"})
+    result = freqrail.sweep(case)
+    name = "bodies_car_bending_1_damping_ratio"
+    assert result[name].attrs["units"] == "1"
+    one = freqrail.sweep(quiet(VEHICLE))
+    np.testing.assert_allclose(result.driver_rms.sel({name: 0.015}), one.driver_rms, rtol=1e-10)
+    freqrail.write_result(result, tmp_path / "r.nc")
+    assert freqrail.open_result(tmp_path / "r.nc")[name].values.tolist() == [0.01, 0.015, 0.05]
+    with pytest.raises(InputError, match="a number without a unit is expected"):
+        quiet(VEHICLE, over={ratio: "1, 2 m"})
+
+
+def test_a_dashpot_behind_an_inerter_holds_nothing():
+    """Two parts in series without static stiffness carry no weight, and are no fault of the others'."""
+    law = {"law": "k3 | (c - b)", "c": "20 kN*s/m", "b": "50 kg", "k3": "400 kN/m"}
+    front = law | {"between": ["car", "bogie_front"], "position": "pivot"}
+    rear = law | {"between": ["car", "bogie_rear"], "position": "-pivot"}
+    case = quiet(changed((("suspensions", "secondary_front"), front), (("suspensions", "secondary_rear"), rear)))
+    assert freqrail.sweep(case).status == 0
+
+
 def test_a_variant_is_the_vehicle_with_what_it_fixes():
     twin = freqrail.sweep(quiet(VEHICLE, over={"joint": "1, inf MN/m"}))
     np.testing.assert_allclose(twin.rigid_stroke_rms, twin.stroke_rms.sel(joint=np.inf), rtol=1e-9)
