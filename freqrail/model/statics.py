@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from freqrail.model.elements import Values
+from freqrail.model.elements import Law, Values
 from freqrail.model.system import System, evaluate_row
 from freqrail.model.vehicle import GRAVITY
 
@@ -28,14 +28,20 @@ def _springs(system: System, values: Values) -> tuple[NDArray[np.float64], NDArr
         stacked = [np.stack([np.broadcast_to(entry, shape) for entry in row], axis=-1) for row in entries]
         return np.stack(stacked, axis=-2) if stacked else np.zeros((*shape, 0, len(system.freedoms)))
 
-    with np.errstate(all="ignore"):
-        stiffnesses = [np.broadcast_to(np.real(leg.law.stiffness(values, _AT_REST)), shape) for leg in system.legs]
+    stiffnesses = [np.broadcast_to(_at_rest(leg.law, values), shape) for leg in system.legs]
     k = np.stack(stiffnesses, axis=-1) if stiffnesses else np.zeros((*shape, 0))
     return rows(system.legs), k, rows(system.wheels)
 
 
-_AT_REST = 1e-15 + 0j  # 1/s: at 0 a dashpot and an inerter in series would be 0/0
+_SLOW = 1e-15  # 1/s: at 0 a dashpot and an inerter in series would be 0/0
 _RIGID = 1e9  # of the stiffest leg: what stands for an infinite stiffness
+
+
+def _at_rest(law: Law, values: Values) -> NDArray[np.float64]:
+    """Static stiffness of a law, N/m; 0 of one whose force vanishes with the motion, as a dashpot's does."""
+    with np.errstate(all="ignore"):
+        once, twice = (np.real(law.stiffness(values, factor * _SLOW + 0j)) for factor in (1, 2))
+        return np.where(np.abs(twice) > 1.5 * np.abs(once), 0.0, once)
 
 
 def wheel_loads(system: System, values: Values) -> NDArray[np.float64]:
@@ -95,7 +101,7 @@ def undamped_modes(system: System, values: Values) -> list[tuple[float, dict[str
     generalised eigenvalue problem K x = omega^2 M x, scaled by the masses.
     """
     legs, k, wheels = _springs(system, values)
-    contacts = np.array([float(np.real(wheel.contact.stiffness(values, _AT_REST))) for wheel in system.wheels])
+    contacts = np.array([float(_at_rest(wheel.contact, values)) for wheel in system.wheels])
     rows, stiff = np.concatenate([legs, wheels]), np.concatenate([k, contacts])
     largest = max((float(v) for v in stiff if np.isfinite(v)), default=1.0)
     stiff = np.where(np.isfinite(stiff), stiff, 1e3 * largest)
