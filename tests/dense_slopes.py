@@ -140,6 +140,7 @@ class AxisReference:
     plain: Plain
     spectrum: RationalSpectrum
     speed: float
+    points: int = contours.POINTS
 
     def __post_init__(self) -> None:
         plain, v = self.plain, self.speed
@@ -147,12 +148,12 @@ class AxisReference:
         poles = np.append(vehicle, -v * np.array(self.spectrum.cutoffs))
         found = [(c, r) for c, r in contours.circles(poles, -poles) if c.imag > -r]  # of others, the conjugates
         centre, radius = (np.array(each)[:, None] for each in zip(*found, strict=True))
-        turn = np.exp(2j * np.pi * (np.arange(contours.POINTS) + 0.5) / contours.POINTS)
+        turn = np.exp(2j * np.pi * (np.arange(self.points) + 0.5) / self.points)
         s = (centre + radius * turn).ravel()
         twice = np.where(centre.imag > radius, 2.0, 1.0)
         parts = {
             "s": s,
-            "weight": (twice * 2 * np.pi / contours.POINTS * radius * turn).ravel(),
+            "weight": (twice * 2 * np.pi / self.points * radius * turn).ravel(),
             "here": solved(plain, s),
             "there": solved(plain, -s),
         }
@@ -192,6 +193,32 @@ class AxisReference:
                 result[key] = result[key] + self._total(here_slopes[key], there[key], lag)
                 result[key] = result[key] + self._total(x, there_slopes[key], lag)
         return result
+
+
+class MeasuredReference:
+    """`AxisReference` with three numbers of points: their mean, and how far they are apart, what rounding leaves of it.
+
+    The rule is exact to far more digits with any; beside sharp poles a dense solution is not, and each machine rounds
+    in its own way.
+    """
+
+    def __init__(self, plain: Plain, spectrum: RationalSpectrum, speed: float) -> None:
+        self.plain, self.speed = plain, speed
+        self.each = [AxisReference(plain, spectrum, speed, points) for points in (72, 90, 110)]
+
+    def squares(self) -> Slopes:
+        found = [each.squares() for each in self.each]
+        return {name: np.mean([one[name] for one in found], axis=0) for name in found[0]}
+
+    def slopes(self, name: str) -> Slopes:
+        """By a parameter or the speed."""
+        return {key: value for key, (value, _) in self.measured(name).items()}
+
+    def measured(self, name: str) -> dict[str, tuple[np.ndarray, float]]:
+        """Slopes, and how far those of the three are apart at most, by output."""
+        found = [each.slopes(name) for each in self.each]
+        stacked = {key: np.array([one[key] for one in found]) for key in found[0]}
+        return {key: (np.mean(each, axis=0), float(np.max(np.ptp(each, axis=0)))) for key, each in stacked.items()}
 
 
 def euler_sums(shares: dict[str, np.ndarray], speed: str) -> list[list[np.ndarray]]:
