@@ -30,7 +30,6 @@ TESTS = {
     "model.spectrum": ["model/test_spectrum.py"],
     "model.vehicle": ["model/test_vehicle.py"],
     "model.equations": ["model/test_equations.py", "model/test_vehicle.py", "solver/test_responses.py"],
-    "model.responses": ["solver/test_responses.py"],
     "model.elements": ["model/test_elements.py"],
     "reduction.forms": ["reduction/test_decouple.py", "reduction/test_columns.py"],
     "reduction.decouple": ["reduction/test_decouple.py"],

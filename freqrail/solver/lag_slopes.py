@@ -79,23 +79,23 @@ def lag_slopes(reduction: Reduction, places: Array, move: Array, delay: Array) -
     places: of the wheels, m. move: how far they move with it, -. delay: omega/v, rad/m.
     """
     real, imaginary = wheel_waves(centred(places), delay)
-    along = centred(move)  # d u_w = i omega/v move_w u_w; no phase of the whole matters
-    sums: dict[tuple[bytes, bool], tuple[Array, Array]] = {}
+    sums: dict[bytes, tuple[Array, Array]] = {}
 
-    def total(weights: Array, moved: bool) -> tuple[Array, Array]:
-        key = weights.tobytes(), moved
+    def total(weights: Array) -> tuple[Array, Array]:
+        key = weights.tobytes()
         if key not in sums:
-            if moved:
-                a, b = (_weighted(weights * along, wave) for wave in (real, imaginary))
-                sums[key] = -delay * b, delay * a
-            else:
-                sums[key] = _weighted(weights, real), _weighted(weights, imaginary)
+            sums[key] = _weighted(weights, real), _weighted(weights, imaginary)
         return sums[key]
 
     result = np.empty((len(reduction.lags), *delay.shape))
     for k, lag in enumerate(reduction.lags):
-        (a, b), (c, d) = total(lag.one, False), total(lag.other, False)
-        (da, db), (dc, dd) = total(lag.one, True), total(lag.other, True)
+        (a, b), (c, d) = total(lag.one), total(lag.other)
+        # d u_w = i omega/v move_w u_w; no phase of the wheels that take part matters: where all move alike, it is 0
+        part = (lag.one != 0) | (lag.other != 0)
+        along = move - (np.max(move[part]) + np.min(move[part])) / 2
+        (da, db), (dc, dd) = (
+            (-delay * y, delay * x) for x, y in (total(weights * along) for weights in (lag.one, lag.other))
+        )
         one, other = (da * c + a * dc, db * d + b * dd) if lag.part == "re" else (db * c + b * dc, -(da * d + a * dd))
         result[k] = lag.factor * (one + other)
     return result
