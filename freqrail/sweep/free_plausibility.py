@@ -43,7 +43,12 @@ def concerns(case: Case) -> tuple[Concern, ...]:
 
 
 def _judged_of(case: Case, name: str, values: NDArray[np.float64]) -> Concern | None:
-    return judged(case, name, values) if values.size else None
+    some = values[np.isfinite(values)]
+    if not some.size:
+        return None
+    # in words of its own: the values are those of bodies at corners, not of a grid
+    words = f"{CRITERIA[name].what} {span(float(some.min()), float(some.max()))} {CRITERIA[name].unit}".rstrip()
+    return judged(case, name, some, measured=words)
 
 
 def _corner_cases(case: Case) -> Iterator[Case]:
