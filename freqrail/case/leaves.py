@@ -24,6 +24,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _TERM = re.compile(rf"\s*([+-]?)\s*(?:({_NUMBER})\s*([A-Za-z]+)|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
 _TAKEN = frozenset({"inf", "sample", "parameter", "band", "status", "method"})
+_PARAMETERS = ("stiffness", *(kind for kind in KINDS if kind not in ("stiffness", "fractional coefficient")))
 _PLACE = 'a place is a sum of lengths such as "9.5 m", "-pivot" or "pivot + axle"'
 
 
@@ -85,7 +86,7 @@ class Leaves:
                 self.fault(path, f'"{name}" is the name of something else; give the parameter another name')
             else:
                 try:
-                    self.known[name] = read_quantity(text, [kind for kind in KINDS if kind != "fractional coefficient"])
+                    self.known[name] = read_quantity(text, _PARAMETERS)
                 except ValueError as fault:
                     self.fault(path, fault)
 

@@ -164,7 +164,7 @@ def slopes(derived: Iterable[Derived], values: Mapping[str, float], name: str, s
     """
     derived = tuple(derived)
     some = [each.name for each in derived if name in followers(derived)[each.name]]
-    if not some:
+    if not some or np.isinf(values[name]):  # what is rigid holds nothing that the static loads hang on
         return {}
     h = step * (abs(values[name]) or 1.0)
     at = {k: complete({**values, name: values[name] + k * h}, derived) for k in (-2, -1, 1, 2)}

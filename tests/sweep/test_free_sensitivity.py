@@ -49,3 +49,10 @@ def test_every_value_that_the_vehicle_hangs_on_is_listed_once():
     names = found["parameter"].values.tolist()
     assert len({*names}) == len(names)
     assert {*case.quantities} == {*names}
+
+
+def test_by_a_rigid_joint_there_is_no_elasticity():
+    """Also where the contacts follow from static loads, which joints do not change."""
+    found = freqrail.sensitivity("two-coupled-cars", responses="stroke").stroke_rms_elasticity
+    assert np.isfinite(found).all()
+    assert (found.sel(parameter=["primary_joint", "secondary_joint"]) == 0).all()
