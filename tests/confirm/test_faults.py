@@ -213,10 +213,10 @@ def test_a_fault_in_the_blocks_is_not_seen_by_the_kernel_check_but_by_the_solver
         assert float(fault.max()) > float(found["solver_tolerance"].max())
 
 
-def test_the_table_says_which_check_sees_a_fault_in_the_ladder(plan, simulated):
+def test_the_table_says_which_check_sees_a_fault_in_the_blocks(plan, simulated):
     _, lines = tables.confirmation_text(judged(plan, simulated))
     (place,) = (i for i, line in enumerate(lines) if line.startswith("smallest fault of an RMS"))
-    assert lines[place + 2].endswith("a fault of the ladder is seen by the solver check")
+    assert lines[place + 2].endswith("a fault of the blocks is seen by the solver check")
     assert "by the kernel check %  by the solver check %  by the simulation %" in lines[place + 1]
 
 
